@@ -1,0 +1,33 @@
+# Everything runs in an environment of its own, made from pyproject.toml and constraints.txt.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+# one test process per processor, at least one
+WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
+
+.PHONY: reproduce test check clean
+
+reproduce: $(READY)  ## the paper's tables and figures, into figures/
+	$(BIN)/python -m experiments.linear_motor
+
+test: $(READY)  ## every promise
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+check: $(READY)  ## lint and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/basedpyright
+
+clean:
+	rm -rf $(VENV)
+
+# PIP_CONSTRAINT, not -c: it also pins what the build of the package itself needs
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
+	  { echo "jaxid needs Python 3.11 or newer as $(PYTHON): install it, or name another one with 'make PYTHON=/path/to/python3'."; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+	  { echo "$(PYTHON) cannot make virtual environments: install its venv module (Debian and Ubuntu: apt install python3-venv)."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,check]'
+	@touch $@

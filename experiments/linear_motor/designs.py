@@ -1,0 +1,117 @@
+"""Table I: one motion per parameter and horizon, searched in as many processes as asked for."""
+
+import multiprocessing
+import os
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from multiprocessing.sharedctypes import Synchronized
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxid import linear_motor as motor
+from jaxid.bound import infinity
+from jaxid.design import Effort
+from jaxid.experiment import design_motion
+from jaxid.feasible import InfeasibleError
+from jaxid.runtime import configure
+from jaxid.trajectory import JerkTrajectory, uniform
+
+INFINITY = "infinity"
+
+# only shows that everything runs
+TOY = Effort(
+    starts=4, stages=2, steps=5, rounds=1, round_stages=1, parents=2, polished=1, polish_steps=5
+)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One design: what it is for, and its horizon N_i; its motion lasts 2·N_i intervals."""
+
+    target: str
+    horizon: int
+
+    @property
+    def intervals(self) -> int:
+        """Of constant jerk."""
+        return 2 * self.horizon
+
+
+@dataclass(frozen=True)
+class Found:
+    """The jerk of a cell's motion; None, and the reason, where there is none."""
+
+    cell: Cell
+    jerk: Float[np.ndarray, " n"] | None
+    reason: str = ""
+
+    def trajectory(self) -> JerkTrajectory:
+        """The motion."""
+        assert self.jerk is not None, self.reason
+        return uniform(motor.boundary().start, jnp.asarray(self.jerk), motor.KNOT_PERIOD)
+
+
+def cells(horizons: tuple[int, ...]) -> list[list[Cell]]:
+    """Chains of cells; in a chain each search starts from the motion of the one before."""
+    names = motor.system().names
+    chains = [[Cell(name, horizon) for horizon in horizons] for name in reversed(names[:3])]
+    return [*chains, [Cell(INFINITY, 30)], [Cell(names[3], 30)]]
+
+
+def search(chains: list[list[Cell]], effort: Effort, seed: int, processes: int) -> Iterator[Found]:
+    """The results as they come. They do not depend on how many processes share the work."""
+    size = max(cell.intervals for chain in chains for cell in chain)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, context, _begin, (context.Value("i", 0),)) as pool:
+
+        def submit(chain: list[Cell], shorter: Found | None) -> Future[Found]:
+            future = pool.submit(_search_cell, chain[0], shorter, effort, seed, size)
+            rest[future] = chain[1:]
+            return future
+
+        rest: dict[Future[Found], list[Cell]] = {}
+        waiting = {submit(chain, None) for chain in chains}
+        while waiting:
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                found = future.result()
+                if chain := rest.pop(future):
+                    waiting.add(submit(chain, found))
+                yield found
+
+
+def _search_cell(cell: Cell, shorter: Found | None, effort: Effort, seed: int, size: int) -> Found:
+    system = motor.system()
+    names = (*system.names, INFINITY)
+    key = jax.random.fold_in(jax.random.key(seed), cell.horizon)
+    try:
+        found = design_motion(
+            system,
+            motor.limits(),
+            motor.boundary(),
+            infinity(system.half_widths) if cell.target == INFINITY else cell.target,
+            cell.intervals,
+            motor.KNOT_PERIOD,
+            jax.random.fold_in(key, names.index(cell.target)),
+            shorter=shorter.trajectory() if shorter and shorter.jerk is not None else None,
+            effort=effort,
+            size=size,
+        )
+    except InfeasibleError as error:
+        return Found(cell, None, str(error))
+    return Found(cell, np.asarray(found.trajectory.jerk))
+
+
+def _begin(counter: "Synchronized[int]") -> None:
+    """One processor per process: two searches side by side then take no longer than one."""
+    configure()
+    if hasattr(os, "sched_setaffinity"):
+        with counter.get_lock():
+            mine = counter.value
+            counter.value += 1
+        available = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {available[mine % len(available)]})

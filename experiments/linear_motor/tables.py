@@ -1,0 +1,165 @@
+"""The paper's three tables beside ours, as CSV rows and as text."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from experiments.linear_motor.designs import Cell
+from experiments.linear_motor.runs import ClosedLoop, OpenLoopRun
+from jaxid import linear_motor as motor
+from jaxid.estimate import Estimate
+from jaxid.files import Cell as Value
+from jaxid.report import text_table
+
+Row = dict[str, Value]
+Errors = Float[np.ndarray, " m"]
+
+TABLE_1 = ("parameter", "N", "feasible", "J_star", "J_paper")
+TABLE_2 = (
+    "parameter", "N", "theta_true", "theta_hat", "J_star", "J_f",
+    "lower", "upper", "prior_lower", "prior_upper", "J_paper",
+)  # fmt: skip
+TABLE_3 = (
+    "input_V", "parameter", "theta_true", "theta_hat", "bound",
+    "lower", "upper", "prior_lower", "prior_upper", "bound_paper",
+)  # fmt: skip
+DESIGNS = ("design", "N", "J_M", "J_B", "J_Fc", "J_dbar")
+LIMITS = ("motion", "quantity", "lowest", "highest", "limit_lower", "limit_upper", "kept")
+
+
+@dataclass(frozen=True)
+class Table:
+    """A header and its rows."""
+
+    header: Sequence[str]
+    rows: list[Row]
+
+    def text(self, title: str) -> str:
+        """For reading."""
+        return text_table(
+            self.header, [[row[name] for name in self.header] for row in self.rows], title
+        )
+
+
+def chosen_horizon(errors: Mapping[int, float], tie: float = 0.005) -> int:
+    """The horizon of the smallest J*; a shorter one wins if its J* is within 0.5 % of that."""
+    best = min(errors.values())
+    return min(horizon for horizon, error in errors.items() if error <= (1 + tie) * best)
+
+
+def table_1(errors: Mapping[Cell, Errors], names: Sequence[str], horizons: Sequence[int]) -> Table:
+    """J* of every parameter and horizon (Table I)."""
+    rows: list[Row] = []
+    for index, name in enumerate(names):
+        paper_horizon, paper_error = motor.PAPER_TABLE_1[name]
+        for horizon in horizons:
+            error = errors.get(Cell(name, horizon))
+            rows.append(
+                {
+                    "parameter": name,
+                    "N": horizon,
+                    "feasible": error is not None,
+                    "J_star": None if error is None else float(error[index]),
+                    "J_paper": paper_error if horizon == paper_horizon else None,
+                }
+            )
+    return Table(TABLE_1, rows)
+
+
+def designs_table(errors: Mapping[Cell, Errors]) -> Table:
+    """What every design guarantees for every parameter, its own and the others."""
+    rows: list[Row] = []
+    for cell, error in sorted(errors.items(), key=lambda item: (item[0].target, item[0].horizon)):
+        values = dict(zip(DESIGNS[2:], map(float, error), strict=True))
+        rows.append({"design": cell.target, "N": cell.horizon, **values})
+    return Table(DESIGNS, rows)
+
+
+def table_2(loops: Mapping[Cell, ClosedLoop], errors: Mapping[Cell, Errors]) -> Table:
+    """θ̂ ± J_f of each parameter from its own experiment (Table II), exact signals."""
+    rows: list[Row] = []
+    for cell, loop in loops.items():
+        index = motor.system().index(cell.target)
+        rows.append(
+            {
+                "parameter": cell.target,
+                "N": cell.horizon,
+                "J_star": float(errors[cell][index]),
+                "J_f": float(loop.estimate.bound[index]),
+                "J_paper": motor.PAPER_TABLE_2[cell.target][1],
+                **_interval(loop.estimate, index),
+            }
+        )
+    return Table(TABLE_2, rows)
+
+
+def table_3(runs: Mapping[float, OpenLoopRun]) -> Table:
+    """Every parameter from open-loop pulses (Table III)."""
+    rows: list[Row] = []
+    for amplitude in motor.OPEN_LOOP_AMPLITUDES:
+        estimate = runs[amplitude].estimate
+        for index, name in enumerate(motor.system().names):
+            rows.append(
+                {
+                    "input_V": amplitude,
+                    "parameter": name,
+                    "bound": float(estimate.bound[index]),
+                    "bound_paper": motor.PAPER_TABLE_3[amplitude][index],
+                    **_interval(estimate, index),
+                }
+            )
+    return Table(TABLE_3, rows)
+
+
+def limits_table(loops: Mapping[Cell, ClosedLoop]) -> Table:
+    """What the axis actually did at the ticks, beside the limits kept by the reference alone."""
+    limits = motor.limits()
+    rows: list[Row] = []
+    for cell, loop in loops.items():
+        signals = loop.signals
+        actual = {
+            "position (m)": (signals.position, limits.position),
+            "velocity (m/s)": (signals.velocity, limits.velocity),
+            "input (V)": (signals.input, limits.input),
+        }
+        for quantity, (values, limit) in actual.items():
+            lowest, highest = float(values.min()), float(values.max())
+            rows.append(
+                {
+                    "motion": cell.target,
+                    "quantity": quantity,
+                    "lowest": lowest,
+                    "highest": highest,
+                    "limit_lower": float(limit[0]),
+                    "limit_upper": float(limit[1]),
+                    "kept": bool(limit[0] <= lowest and highest <= limit[1]),
+                }
+            )
+    return Table(LIMITS, rows)
+
+
+def not_reduced(table: Table, bound: str) -> list[str]:
+    """A sentence for every bound that is no better than the prior box."""
+    sentences = []
+    for row in table.rows:
+        half = (float(row["prior_upper"] or 0) - float(row["prior_lower"] or 0)) / 2
+        if float(row[bound] or 0) >= half:
+            where = f"{row['input_V']} V" if "input_V" in row else f"N = {row['N']}"
+            sentences.append(
+                f"{row['parameter']} at {where}: not reduced, the bound {row[bound]:.3g} exceeds "
+                f"half its prior box, {half:.3g}."
+            )
+    return sentences
+
+
+def _interval(estimate: Estimate, index: int) -> Row:
+    return {
+        "theta_true": motor.TRUE_PARAMETERS[index],
+        "theta_hat": float(estimate.theta[index]),
+        "lower": float(estimate.lower[index]),
+        "upper": float(estimate.upper[index]),
+        "prior_lower": float(estimate.prior_lower[index]),
+        "prior_upper": float(estimate.prior_upper[index]),
+    }

@@ -1,0 +1,1 @@
+"""Experimental design and guaranteed parameter intervals for machine axes, in JAX."""

@@ -1,0 +1,45 @@
+"""Refusals, as sentences that name the argument, its value and what would be right."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.core import Tracer
+
+
+def is_concrete(tree: Any) -> bool:
+    """Whether every leaf of `tree` has a value to look at (none is being traced)."""
+    return not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def require(condition: Any, sentence: str) -> None:
+    """Raise `ValueError(sentence)` unless `condition` holds."""
+    if not condition:
+        raise ValueError(sentence)
+
+
+def require_interval(name: str, interval: Any) -> None:
+    """Refuse an interval that is not finite or whose lower end is not below its upper end."""
+    if not is_concrete(interval):
+        return
+    lower, upper = (float(end) for end in interval)
+    require(
+        jnp.isfinite(lower) and jnp.isfinite(upper),
+        f"Argument `{name}` must have two finite ends, but is ({lower:g}, {upper:g}).",
+    )
+    require(
+        lower < upper,
+        f"Argument `{name}` must have its lower end below its upper end, "
+        f"but is ({lower:g}, {upper:g}).",
+    )
+
+
+def require_float64(name: str, value: Any) -> None:
+    """Refuse to certify anything in single precision."""
+    for leaf in jax.tree.leaves(value):
+        dtype = jnp.result_type(leaf)
+        require(
+            not jnp.issubdtype(dtype, jnp.floating) or dtype == jnp.float64,
+            f"Argument `{name}` must be float64 for a guaranteed bound, but is {dtype}: call "
+            '`jax.config.update("jax_enable_x64", True)` before the first array is made.',
+        )

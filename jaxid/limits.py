@@ -1,0 +1,185 @@
+"""What a motion must respect: limits (4), the acceleration limit (18), boundary and via points."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxid.checks import is_concrete, require, require_interval
+from jaxid.system import Ends, Interval, Motion, Scalar, System, as_interval
+from jaxid.trajectory import JerkTrajectory
+
+
+class Limits(eqx.Module):
+    """Closed intervals (lower, upper) that need not be symmetric, in SI units of the axis.
+
+    Attributes:
+        position: m or rad.
+        velocity: m/s or rad/s; zero lies inside.
+        acceleration: m/s² or rad/s²; zero lies inside. See `acceleration_limit`.
+        jerk: m/s³ or rad/s³; zero lies inside.
+        input: in the system's input unit; zero lies inside.
+    """
+
+    position: Interval = eqx.field(converter=as_interval)
+    velocity: Interval = eqx.field(converter=as_interval)
+    acceleration: Interval = eqx.field(converter=as_interval)
+    jerk: Interval = eqx.field(converter=as_interval)
+    input: Interval = eqx.field(converter=as_interval)
+
+    def __check_init__(self) -> None:
+        for name in ("position", "velocity", "acceleration", "jerk", "input"):
+            require_interval(name, getattr(self, name))
+        for name in ("velocity", "acceleration", "jerk", "input"):
+            interval = getattr(self, name)
+            if is_concrete(interval):
+                require(
+                    float(interval[0]) < 0 < float(interval[1]),
+                    f"Argument `{name}` must have zero inside, so that the axis can rest, but is "
+                    f"({float(interval[0]):g}, {float(interval[1]):g}).",
+                )
+
+    @property
+    def motion(self) -> Float[Array, "3 2"]:
+        """Rows position, velocity, acceleration; columns lower, upper."""
+        return jnp.stack([self.position, self.velocity, self.acceleration])
+
+
+class Via(eqx.Module):
+    """Bounds on the state [y, ẏ, ÿ] at one instant, `at` being its fraction of the whole time.
+
+    Equal lower and upper bounds fix a component; ±inf leaves it free.
+    """
+
+    at: float = eqx.field(static=True)
+    lower: Float[Array, "3"] = eqx.field(converter=as_interval)
+    upper: Float[Array, "3"] = eqx.field(converter=as_interval)
+
+    def __check_init__(self) -> None:
+        require(
+            0 < self.at <= 1,
+            f"Argument `at` must be a fraction of the whole time in (0, 1], but is {self.at:g}.",
+        )
+        if is_concrete((self.lower, self.upper)):
+            require(
+                bool(jnp.all(self.lower <= self.upper)),
+                "Argument `lower` of a via point must not exceed `upper`, but they are "
+                f"{self.lower.tolist()} and {self.upper.tolist()}.",
+            )
+
+
+class Boundary(eqx.Module):
+    """Where a motion starts, and what it must pass on the way and at the end.
+
+    Attributes:
+        start: [y, ẏ, ÿ] at t = 0.
+        vias: later conditions, the final one included (`at = 1`).
+    """
+
+    start: Float[Array, "3"] = eqx.field(converter=as_interval)
+    vias: tuple[Via, ...]
+
+
+def through(state: Sequence[float], at: float) -> Via:
+    """The state [y, ẏ, ÿ] is met exactly at the fraction `at` of the whole time."""
+    return Via(at, state, state)
+
+
+def position_at_least(position: float, at: float) -> Via:
+    """Y ≥ `position` at the fraction `at` of the whole time."""
+    free = float("inf")
+    return Via(at, (position, -free, -free), (free, free, free))
+
+
+def acceleration_limit(system: System, position: Ends, velocity: Ends, input: Ends) -> Interval:
+    """(18), read sharply: what the input has left for θ_x2·ÿ after Σ_j max|f_j|·max|θ_j|.
+
+    As in the paper the disturbance and the feedback effort are left out, so that |u| ≤ u_max in
+    closed loop does not follow from it. For the motor 400/9 = 44.4 m/s².
+    """
+    peaks = _peak_parameters(system)[1:] * _peak_regressors(system, position, velocity)
+    return _remaining(system, as_interval(input), jnp.sum(peaks))
+
+
+def acceleration_limit_euclidean(
+    system: System, position: Ends, velocity: Ends, input: Ends
+) -> Interval:
+    """(18) as printed: max|f|₂·max|θ_φ|₂ (Cauchy-Schwarz). For the motor 43.8 m/s²."""
+    regressor = jnp.linalg.norm(_peak_regressors(system, position, velocity))
+    return _remaining(
+        system, as_interval(input), regressor * jnp.linalg.norm(_peak_parameters(system)[1:])
+    )
+
+
+def _peak_parameters(system: System) -> Float[Array, " m"]:
+    return jnp.maximum(jnp.abs(system.lower), jnp.abs(system.upper))
+
+
+def _peak_regressors(system: System, position: Ends, velocity: Ends) -> Float[Array, " forces"]:
+    position, velocity = as_interval(position), as_interval(velocity)
+    return jnp.stack(
+        [
+            term.regressor.magnitude(position, velocity)
+            for term in system.terms
+            if term.regressor is not None
+        ]
+    )
+
+
+def _remaining(system: System, input: Interval, load: Scalar) -> Interval:
+    remaining = input + jnp.stack([load, -load])
+    if is_concrete(remaining):
+        require(
+            float(remaining[0]) < 0 < float(remaining[1]),
+            f"Argument `input` must leave something for acceleration, but the terms of the system "
+            f"may take {float(load):g} {system.input_unit} of {list(map(float, input))}.",
+        )
+    return remaining / system.upper[0]
+
+
+def excess(
+    limits: Limits, boundary: Boundary, trajectory: JerkTrajectory
+) -> tuple[Float[Array, "..."], ...]:
+    """How far a motion is beyond each limit at its knots and half-way between them.
+
+    Positive entries are violations, in half-widths of the limit; the inequalities of the via points
+    come last. For penalties: what a motion keeps exactly is `worst_excess`.
+    """
+    inner = trajectory.inside(jnp.array([0.5, 1.0], trajectory.jerk.dtype))
+    # the acceleration is linear between the knots: its ends are enough
+    values = (inner.position, inner.velocity, inner.acceleration[:, 1], trajectory.jerk)
+    intervals = (*limits.motion, limits.jerk)
+    sides = [_beyond(x, interval) for x, interval in zip(values, intervals, strict=True)]
+    return (*sides, _via_excess(limits, boundary, trajectory))
+
+
+@eqx.filter_jit
+def worst_excess(limits: Limits, boundary: Boundary, trajectory: JerkTrajectory) -> Scalar:
+    """The largest violation over all of time, in half-widths; ≤ 0 means that every limit is kept.
+
+    From the closed-form extrema, and the inequalities of the via points.
+    """
+    values = (*trajectory.extrema(),)
+    intervals = (*limits.motion, limits.jerk)
+    sides = [_beyond(x, interval) for x, interval in zip(values, intervals, strict=True)]
+    return jnp.max(jnp.concatenate([*sides, _via_excess(limits, boundary, trajectory)]))
+
+
+def _beyond(values: Motion, interval: Interval) -> Motion:
+    half_width = (interval[1] - interval[0]) / 2
+    return jnp.maximum(values - interval[1], interval[0] - values) / half_width
+
+
+def _via_excess(
+    limits: Limits, boundary: Boundary, trajectory: JerkTrajectory
+) -> Float[Array, " v"]:
+    scale = (limits.motion[:, 1] - limits.motion[:, 0]) / 2
+    parts = [jnp.zeros(0, trajectory.jerk.dtype)]
+    for via in boundary.vias:
+        state = jnp.stack(trajectory.states(via.at * trajectory.duration[None])).ravel()
+        # equalities are met by construction: what is left of them is rounding
+        free = via.lower < via.upper
+        for side in (state - via.upper, via.lower - state):
+            parts.append(jnp.where(free & jnp.isfinite(side), side / scale, -1.0))
+    return jnp.concatenate(parts)

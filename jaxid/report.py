@@ -1,0 +1,121 @@
+"""Arrays and an `Axes` in, ink out; tables as text. The only matplotlib of the package."""
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from jaxid.files import write_bytes
+from jaxid.trajectory import JerkTrajectory
+
+# Okabe and Ito's palette: told apart by colour-blind readers too
+BLACK, ORANGE, SKY, GREEN, BLUE, RED = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00",
+)  # fmt: skip
+GREY = "#888888"
+CYCLE = (BLUE, RED, GREEN, ORANGE, SKY, BLACK)
+
+Array = Float[np.ndarray, "..."]
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[object]], title: str = "") -> str:
+    """Columns aligned for reading; numbers with four significant digits, None as a dash."""
+    cells = [list(header), *([_text(cell) for cell in row] for row in rows)]
+    widths = [max(len(line[k]) for line in cells) for k in range(len(header))]
+    lines = [
+        "  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells
+    ]
+    lines.insert(1, "  ".join("-" * w for w in widths))
+    return "\n".join(([title] if title else []) + lines)
+
+
+def figure(
+    rows: int = 1, columns: int = 1, size: tuple[float, float] = (7.0, 5.0)
+) -> tuple[Figure, list[Axes]]:
+    """A figure that needs no display, and its panels in reading order."""
+    canvas = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(canvas)
+    panels = np.atleast_1d(canvas.subplots(rows, columns)).ravel()
+    for panel in panels:
+        panel.grid(alpha=0.3)
+        panel.tick_params(labelsize=11)
+    return canvas, list(panels)
+
+
+def save(canvas: Figure, path: Path) -> None:
+    """Write a PNG whole or not at all; one that already has these bytes is left untouched."""
+    buffer = io.BytesIO()
+    canvas.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+    write_bytes(path, buffer.getvalue())
+
+
+def label(panel: Axes, x: str, y: str, title: str = "") -> None:
+    """Axis labels and title in sizes that survive halving."""
+    panel.set_xlabel(x, fontsize=12)
+    panel.set_ylabel(y, fontsize=12)
+    if title:
+        panel.set_title(title, fontsize=12)
+
+
+def limit_lines(panel: Axes, interval: Sequence[float]) -> None:
+    """Both ends of an interval as dashed lines."""
+    for end in interval:
+        panel.axhline(end, color=GREY, linestyle="--", linewidth=1.2)
+
+
+def motion(panels: Sequence[Axes], trajectory: JerkTrajectory, limits: Array, title: str) -> None:
+    """Position, velocity and acceleration of a desired motion, with the rows of their limits."""
+    time = jnp.linspace(0.0, float(trajectory.duration), 2000)
+    states = trajectory.states(time)
+    names = ("position (m)", "velocity (m/s)", "acceleration (m/s²)")
+    for panel, values, interval, name in zip(panels, states, limits, names, strict=False):
+        panel.plot(time, np.asarray(values), color=BLUE, linewidth=1.8)
+        limit_lines(panel, np.asarray(interval).tolist())
+        label(panel, "", name)
+    panels[0].set_title(title, fontsize=12)
+    panels[-1].set_xlabel("time (s)", fontsize=12)
+
+
+def series(
+    panel: Axes, time: Array, values: Array, y: str, colour: str = BLUE, title: str = ""
+) -> None:
+    """One signal over time."""
+    panel.plot(time, values, color=colour, linewidth=1.2)
+    label(panel, "time (s)", y, title)
+
+
+def intervals(
+    panel: Axes, names: Sequence[str], bars: Mapping[str, tuple[Array, Array]], truth: Array
+) -> None:
+    """Intervals of several methods for several parameters, each in half-widths of the prior box.
+
+    Args:
+        panel: to draw on.
+        names: of the parameters, from left to right.
+        bars: for each method the lower and upper ends, one per parameter.
+        truth: of each parameter.
+    """
+    offsets = np.linspace(-0.25, 0.25, len(bars))
+    for (name, (lower, upper)), offset, colour in zip(
+        bars.items(), offsets, (GREY, *CYCLE), strict=False
+    ):
+        x = np.arange(len(names)) + offset
+        panel.vlines(x, lower, upper, color=colour, linewidth=7, label=name)
+    x = np.arange(len(names))
+    panel.hlines(truth, x - 0.38, x + 0.38, color=BLACK, linewidth=1.5, label="true value")
+    panel.set_xticks(x, names, fontsize=12)
+    panel.legend(fontsize=10)
+
+
+def _text(cell: object) -> str:
+    if cell is None:
+        return "-"
+    if isinstance(cell, float):
+        return f"{cell:.4g}" if abs(cell) < 1e5 else f"{cell:.3e}"
+    return str(cell)

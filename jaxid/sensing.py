@@ -1,0 +1,85 @@
+"""What the controller and the log see of a motion: sensors, and a Record from measured signals."""
+
+import abc
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxid.record import Record, rows_of
+from jaxid.system import Scalar, System
+from jaxid.trajectory import States
+
+
+class Measurement(NamedTuple):
+    """Position and velocity as the controller gets them at one tick."""
+
+    position: Scalar
+    velocity: Scalar
+
+
+class Sensor(eqx.Module):
+    """Turns the state at a tick into a measurement; carries what it must remember."""
+
+    @abc.abstractmethod
+    def initial(self, position: Scalar) -> Any:
+        """The memory before the first tick, the axis resting at `position`."""
+
+    @abc.abstractmethod
+    def read(
+        self, memory: Any, position: Scalar, velocity: Scalar, period: Scalar
+    ) -> tuple[Measurement, Any]:
+        """The measurement at a tick, and the memory for the next one, `period` seconds later."""
+
+
+class IdealSensor(Sensor):
+    """Exact position and velocity."""
+
+    def initial(self, position: Scalar) -> tuple[()]:
+        return ()
+
+    def read(
+        self, memory: tuple[()], position: Scalar, velocity: Scalar, period: Scalar
+    ) -> tuple[Measurement, tuple[()]]:
+        return Measurement(position, velocity), ()
+
+
+class Encoder(Sensor):
+    """A quantised position, and the velocity by its backward difference.
+
+    Attributes:
+        resolution: of one count, m or rad.
+    """
+
+    resolution: Scalar = eqx.field(converter=jnp.asarray)
+
+    def initial(self, position: Scalar) -> Scalar:
+        return self.quantise(position)
+
+    def read(
+        self, memory: Scalar, position: Scalar, velocity: Scalar, period: Scalar
+    ) -> tuple[Measurement, Scalar]:
+        count = self.quantise(position)
+        return Measurement(count, (count - memory) / period), count
+
+    def quantise(self, position: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+        """The nearest multiple of the resolution."""
+        return self.resolution * jnp.round(position / self.resolution)
+
+
+def differenced_record(
+    system: System,
+    input: Float[Array, " n"],
+    position: Float[Array, " n+1"],
+    period: Scalar | float,
+) -> Record:
+    """The Record that the paper's identification makes of a log, with differences for derivatives.
+
+    Tick k has the measured velocity (y_{k+1} − y_k)/h, its mean, and for its mean acceleration the
+    backward difference of those velocities, which lags by half a tick. Quantisation, that lag and
+    S_f and δ taken at the measured velocity are *not* in the bound δ: no guarantee follows.
+    """
+    velocity = jnp.diff(position, prepend=position[:1]) / period
+    states = States(position[1:], velocity[1:], jnp.diff(velocity) / period)
+    return Record(rows_of(system, states, jnp.full_like(input, period)), input, None)

@@ -1,0 +1,48 @@
+import os
+import tempfile
+from pathlib import Path
+
+os.environ.setdefault("MPLCONFIGDIR", tempfile.mkdtemp())
+
+import jax
+import jax.numpy as jnp
+import pytest
+from hypothesis import settings
+
+from jaxid.files import read_trajectory
+from jaxid.runtime import configure
+from jaxid.trajectory import JerkTrajectory
+
+configure()
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+# examples differ from run to run only on purpose; compiling makes the first one slow
+settings.register_profile("jaxid", deadline=None, derandomize=True, max_examples=25)
+settings.load_profile("jaxid")
+
+FIGURES = Path(__file__).parent.parent / "figures"
+
+
+@pytest.fixture(scope="session")
+def figures() -> Path:
+    return FIGURES
+
+
+@pytest.fixture(scope="session")
+def motion() -> JerkTrajectory:
+    """The committed design for M at N = 30."""
+    return read_trajectory(FIGURES / "trajectory_M_N30.csv")
+
+
+@pytest.fixture
+def key() -> jax.Array:
+    return jax.random.key(0)
+
+
+def uniform_in_box(key: jax.Array, lower: jax.Array, upper: jax.Array, count: int) -> jax.Array:
+    share = jax.random.uniform(key, (count, lower.size))
+    return lower[None] + share * (upper - lower)[None]
+
+
+def close(a: jax.Array, b: jax.Array, relative: float) -> bool:
+    return bool(jnp.max(jnp.abs(a - b)) <= relative * jnp.max(jnp.abs(b)))
