@@ -1,1 +1,88 @@
-"""Experimental design and guaranteed parameter intervals for machine axes, in JAX."""
+"""Experimental design and guaranteed parameter intervals for machine axes, in JAX.
+
+The data flows one way, from a system and its limits to a motion, a controller, a simulation, a
+Record, weights on it and an estimate:
+
+    system - limits - trajectory -> control - simulate -> Record -> weights -> estimate -> report
+                          ^                                                       |
+                          +----------------- design (takes a function) <----------+
+
+`design` takes its objective as a function, so the arrow back is a value and no import. The table
+says which room may import from which; it is tested, and so is that nobody imports from below.
+
+    checks <- -
+    system <- checks
+    trajectory <- checks, system
+    limits <- checks, system, trajectory
+    feasible <- checks, limits, trajectory
+    starts <- feasible
+    polish <- feasible, limits, system, trajectory
+    design <- feasible, limits, polish, starts, system, trajectory
+    record <- system, trajectory
+    bound <- checks, record, system
+    objective <- bound, record, system, trajectory
+    sensing <- record, system, trajectory
+    disturbance <- system
+    control <- checks, sensing, system, trajectory
+    simulate <- control, disturbance, record, sensing, system, trajectory
+    excitation <- -
+    filters <- record, system
+    estimate <- bound, record, system
+    experiment <- bound, checks, control, design, estimate, filters, limits, objective, record, \
+sensing, simulate, system, trajectory
+    files <- checks, trajectory
+    report <- files, trajectory
+    runtime <- -
+    linear_motor <- control, disturbance, limits, simulate, system
+    one_link_arm <- disturbance, limits, simulate, system
+"""
+
+from jaxid.control import ARC, OpenLoop, PDFeedforward
+from jaxid.design import Design, Effort, design
+from jaxid.estimate import Estimate
+from jaxid.experiment import design_motion, identify, run
+from jaxid.feasible import InfeasibleError
+from jaxid.limits import (
+    Boundary,
+    Limits,
+    Via,
+    acceleration_limit,
+    position_at_least,
+    through,
+)
+from jaxid.objective import planned_error
+from jaxid.sensing import Encoder, IdealSensor
+from jaxid.simulate import Plant
+from jaxid.system import Constant, ConstantBound, Coulomb, Sine, SpeedBand, System, Term, Viscous
+
+__all__ = [
+    "ARC",
+    "Boundary",
+    "Constant",
+    "ConstantBound",
+    "Coulomb",
+    "Design",
+    "Effort",
+    "Encoder",
+    "Estimate",
+    "IdealSensor",
+    "InfeasibleError",
+    "Limits",
+    "OpenLoop",
+    "PDFeedforward",
+    "Plant",
+    "Sine",
+    "SpeedBand",
+    "System",
+    "Term",
+    "Via",
+    "Viscous",
+    "acceleration_limit",
+    "design",
+    "design_motion",
+    "identify",
+    "planned_error",
+    "position_at_least",
+    "run",
+    "through",
+]

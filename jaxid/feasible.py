@@ -5,6 +5,7 @@ equalities, and the admissible jerks are a convex set. Everything here follows f
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -178,6 +179,10 @@ def shortest_feasible(
     )
 
 
+# half-widths: whoever recomputes the extrema in another order still finds the limits kept
+_ROUNDING = 1e-14
+
+
 @eqx.filter_jit
 def walk(
     limits: Limits, boundary: Boundary, inside: JerkTrajectory, candidate: JerkTrajectory
@@ -192,13 +197,13 @@ def walk(
         mix = inside.jerk + share * (candidate.jerk - inside.jerk)
         return eqx.tree_at(lambda t: t.jerk, inside, mix)
 
-    def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         good, bad = ends
         middle = (good + bad) / 2
-        kept = worst_excess(limits, boundary, at(middle)) <= 0
+        kept = worst_excess(limits, boundary, at(middle)) <= -_ROUNDING
         return jnp.where(kept, middle, good), jnp.where(kept, bad, middle)
 
-    whole = worst_excess(limits, boundary, candidate) <= 0
+    whole = worst_excess(limits, boundary, candidate) <= -_ROUNDING
     good, _ = jax.lax.fori_loop(0, 60, halve, (jnp.zeros(()), jnp.ones(())))
     return eqx.tree_at(lambda t: t.jerk, inside, jnp.where(whole, candidate.jerk, at(good).jerk))
 
@@ -218,8 +223,7 @@ def _deepest(
         x, margin, bound = _largest_margin(c)
         if bound < 0:
             return None, bound
-        jerk = jnp.asarray(np.clip(x * c.unit, *c.jerk))
-        found = uniform(boundary.start, jerk, period)
+        found = uniform(boundary.start, jnp.asarray(x * c.unit), period)
         # sampling relaxes the limits between the samples: only the exact extrema decide
         if margin > 0 and float(worst_excess(limits, boundary, found)) < 0:
             return found, margin
@@ -257,11 +261,13 @@ def _largest_margin(c: Inequalities) -> tuple[Vector, float, float]:
     multipliers = np.maximum(-solution.ineqlin.marginals, 0.0)
     others = -solution.eqlin.marginals
     margin = float(solution.x[n])
+    # the solver meets the equalities to 1e-7; this does to rounding, and moves x by as little
+    x = solution.x[:n] - np.linalg.pinv(E) @ (E @ solution.x[:n] - f)
     terms = np.concatenate([multipliers * b, others * f])
     residual = np.sum(np.abs(A.T @ multipliers + E.T @ others))
     rounding = 1e-12 * np.sum(np.abs(terms))
     total = np.sum(terms) + residual * (1 + abs(margin)) + rounding
-    return solution.x[:n], margin, float(total / np.sum(multipliers))
+    return x, margin, float(total / np.sum(multipliers))
 
 
 def _conditions(
@@ -270,7 +276,7 @@ def _conditions(
     require(intervals >= 1, f"Argument `intervals` must be at least 1, but is {intervals}.")
     motion, jerk = np.asarray(limits.motion), np.asarray(limits.jerk)
     unit, half = float(np.max(np.abs(jerk))), (motion[:, 1] - motion[:, 0]) / 2
-    drift = uniform(boundary.start, jnp.zeros(intervals), period)
+    y, v, a = np.asarray(boundary.start)
     times = period / per_interval * np.arange(1, intervals * per_interval + 1)
     asked = [(times, which, *motion[which]) for which in range(3)]
     for via in boundary.vias:
@@ -286,7 +292,7 @@ def _conditions(
         times: Vector, which: int, lower: float, upper: float
     ) -> tuple[Matrix, Vector, Vector]:
         rows = responses(intervals, period, times)[which] * unit
-        base = np.asarray(drift.states(jnp.asarray(times))[which])
+        base = (y + times * (v + times * a / 2), v + times * a, a + 0 * times)[which]
         return rows / half[which], (lower - base) / half[which], (upper - base) / half[which]
 
     blocks = [block(*condition) for condition in asked]

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy.optimize import linprog
 
 from jaxid.feasible import Inequalities, inequalities, walk
@@ -27,6 +27,10 @@ SMOOTHINGS = (0.0006, 0.0001)
 
 
 _NEAR = 0.03  # half-widths of a limit
+_CUTS = 8  # rounds of adding broken conditions
+
+Vector = Float[np.ndarray, " n"]
+Mask = Bool[np.ndarray, " rows"]
 
 
 class _Point(NamedTuple):
@@ -85,20 +89,39 @@ def _descend(
     return _with_jerk(start, start.jerk.at[: at.jerk.size].set(at.jerk * c.unit))
 
 
-def _linear_step(c: Inequalities, at: _Point, radius: float) -> Float[np.ndarray, " n"]:
-    """The best move within the trust region; zero if none.
+def _linear_step(c: Inequalities, at: _Point, radius: float) -> Vector:
+    """The best move within the trust region and all conditions; zero if none is found.
 
-    Only limits that the motion is near to are imposed, which is ten times faster: a move that goes
-    beyond another one makes it near for the next, and what is left in the end is walked back.
+    Conditions that the motion is near to are imposed, then those that the move turns out to break:
+    with all of them from the beginning the programs take ten times longer.
     """
     here = c.rows @ at.jerk
-    reach = np.minimum(radius * np.sum(np.abs(c.rows), axis=1), _NEAR)
-    up = ~c.fixed & (here + reach > c.upper)
-    down = ~c.fixed & (here - reach < c.lower)
+    up = ~c.fixed & (here > c.upper - _NEAR)
+    down = ~c.fixed & (here < c.lower + _NEAR)
+    move = np.zeros_like(at.jerk)
+    for _ in range(_CUTS):
+        move = _solve(c, at, here, up, down, radius)
+        there = here + c.rows @ move
+        above, below = (there > c.upper + 1e-9) & ~up, (there < c.lower - 1e-9) & ~down
+        above, below = above & ~c.fixed, below & ~c.fixed
+        if not (above.any() or below.any()):
+            break
+        up, down = up | above, down | below
+    return move
+
+
+def _solve(
+    c: Inequalities,
+    at: _Point,
+    here: Float[np.ndarray, " rows"],
+    up: Mask,
+    down: Mask,
+    radius: float,
+) -> Vector:
     low, high = c.jerk / c.unit
+    # what rounding left 1e-17 outside a limit must not make the program infeasible
     solution = linprog(
         at.slope,
-        # a row that rounding left 1e-17 outside must not make the program infeasible
         A_ub=np.vstack([c.rows[up], -c.rows[down]]),
         b_ub=np.maximum(np.concatenate([c.upper[up] - here[up], here[down] - c.lower[down]]), 0.0),
         A_eq=c.rows[c.fixed],

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jaxid.feasible import MotionSpace
 
 Jerk = Float[np.ndarray, " n"]
+Knots = Float[np.ndarray, " knots"]
 
 # |a|/a_max up to about this counts as dwelling; most intervals moved at once, and moves per start
 _DWELL, _PIECE, _MOVES = 0.05, 6, 3
@@ -95,12 +96,12 @@ def _move(rng: np.random.Generator, jerk: Jerk, period: float, acceleration: flo
     return np.insert(rest, place, np.zeros(piece))
 
 
-def _business(jerk: Jerk, period: float, acceleration: float) -> Jerk:
+def _business(jerk: Jerk, period: float, acceleration: float) -> Knots:
     """|a|/a_max at the knots of a motion that starts without acceleration."""
     return np.abs(np.append(0.0, np.cumsum(jerk) * period)) / acceleration
 
 
-def _preferring_calm(business: Jerk) -> Jerk:
+def _preferring_calm(business: Knots) -> Knots:
     chances = np.exp(-business / _DWELL) + 1e-12
     return chances / chances.sum()
 

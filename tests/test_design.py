@@ -1,0 +1,161 @@
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import linear_motor as motor
+from jaxid.bound import individual, infinity
+from jaxid.design import Effort, design, first_stages
+from jaxid.experiment import design_motion
+from jaxid.feasible import interior, motion_space
+from jaxid.limits import worst_excess
+from jaxid.objective import PlannedError, planned_error
+from jaxid.starts import grown, rearranged
+from jaxid.trajectory import JerkTrajectory
+
+T = motor.KNOT_PERIOD
+SMALL = Effort(starts=16, stages=4, steps=60, rounds=1, parents=4, polished=1, polish_steps=30)
+
+
+def test_any_function_of_a_motion_can_be_designed_for(key):
+    """The highest point at 0.15 s, a linear program that HiGHS solves exactly."""
+
+    def objective(trajectory: JerkTrajectory, smoothing):
+        return -jnp.log(trajectory.states(jnp.array([0.15])).position[0] + 0.05)
+
+    found = design(objective, motor.limits(), motor.boundary(), 60, T, key, effort=SMALL)
+    reached = float(found.trajectory.states(jnp.array([0.15])).position[0])
+    assert reached == pytest.approx(highest_at(15), rel=2e-4)
+    assert worst_excess(motor.limits(), motor.boundary(), found.trajectory) <= 0
+
+
+def highest_at(knot: int) -> float:
+    from scipy.optimize import linprog
+
+    from jaxid.feasible import responses
+
+    n = 60
+    Y, V, A = (M * 1000.0 for M in responses(n, T, T / 4 * np.arange(1, 4 * n + 1)))
+    rows = np.vstack([Y, -Y, V, -V, A, -A, -Y[4 * 30 - 1 : 4 * 30]])
+    sides = np.append(np.repeat([0.4, 0.01, 2.0, 2.0, 400 / 9, 400 / 9], 4 * n), -0.3)
+    ends = np.vstack([Y[-1], V[-1], A[-1]])
+    return -linprog(-Y[4 * knot - 1], rows, sides, ends, np.zeros(3), bounds=(-1, 1)).fun
+
+
+def test_a_small_search_beats_the_paper_within_the_limits(key):
+    system, limits, boundary = motor.system(), motor.limits(), motor.boundary()
+    found = design_motion(system, limits, boundary, "Fc", 60, T, key, effort=SMALL)
+    assert planned_error(system, found.trajectory)[2] < 0.2598
+    assert worst_excess(limits, boundary, found.trajectory) <= 0
+    assert found.history[-1] <= found.history[0]
+
+
+def test_same_key_same_motion(key):
+    args = (motor.system(), motor.limits(), motor.boundary(), "M", 60, T, key)
+    tiny = Effort(starts=4, stages=2, steps=5, rounds=1, round_stages=1, parents=2, polished=1)
+    one, other = (design_motion(*args, effort=tiny) for _ in range(2))
+    np.testing.assert_array_equal(one.trajectory.jerk, other.trajectory.jerk)
+
+
+@pytest.mark.parametrize("norm", [individual(0, 4), individual(3, 4), infinity(jnp.ones(4))])
+def test_the_objectives_gradient_is_that_of_finite_differences(norm, key):
+    """On a ladder of steps, the best agrees to 1e-7 of |∇|: the objective is smooth."""
+    space = motion_space(motor.limits(), motor.boundary(), 60, T)
+    objective = PlannedError(motor.system(), norm, 2.0, 5)
+    z = 0.5 * jax.random.normal(key, (space.basis.shape[1],))
+    direction = jax.random.normal(jax.random.fold_in(key, 1), z.shape)
+    direction = direction / jnp.linalg.norm(direction)
+    value = jax.jit(lambda z: objective(space.trajectory(z), jnp.asarray(0.01)))
+    slope = jax.grad(value)(z)
+    errors = [
+        abs(
+            float(
+                (value(z + h * direction) - value(z - h * direction)) / (2 * h) - slope @ direction
+            )
+        )
+        for h in 10.0 ** np.arange(-7.0, -3.0)
+    ]
+    assert min(errors) <= 1e-7 * float(jnp.linalg.norm(slope))
+
+
+def test_no_nan_at_rest():
+    """A motion at rest: every kink at once, and a singular P."""
+    space = motion_space(motor.limits(), motor.boundary(), 60, T)
+    objective = PlannedError(motor.system(), individual(0, 4), 2.0, 5)
+    inside = interior(motor.limits(), motor.boundary(), 60, T)
+    z = space.coordinates(inside.jerk)
+    slope = jax.grad(lambda z: objective(space.trajectory(z), jnp.asarray(0.0)))(z)
+    assert jnp.all(jnp.isfinite(slope))
+
+
+def test_the_shipped_designs_are_as_good_as_they_claim(figures):
+    """J* at or below the paper, and within 1 % of the best known values at N = 30."""
+    from jaxid.files import read_table, read_trajectory
+
+    best_known = {"M": 0.004694, "B": 0.182693, "Fc": 0.211324}
+    paper = {("M", 30): 0.0055, ("B", 50): 0.1966, ("Fc", 30): 0.2598}
+    rows = read_table(figures / "table1.csv")
+    assert len(rows) == 15
+    for row in rows:
+        name, horizon = row["parameter"], int(row["N"])
+        if horizon == 20:
+            assert row["feasible"] == "false"
+            assert row["J_star"] == ""
+            continue
+        index = motor.system().index(name)
+        trajectory = read_trajectory(figures / f"trajectory_{name}_N{horizon}.csv")
+        error = float(planned_error(motor.system(), trajectory)[index])
+        assert float(row["J_star"]) == pytest.approx(error, rel=1e-12)
+        halved = float(planned_error(motor.system(), trajectory, 512)[index])
+        assert halved == pytest.approx(error, rel=1e-4)
+        if (name, horizon) in paper:
+            assert error <= paper[name, horizon]
+        if horizon == 30:
+            assert error <= 1.01 * best_known[name]
+
+
+def test_the_reported_quadrature_agrees_with_another_rule(figures, motion):
+    """Gauss-Legendre between all knots and the crossings of 0 and ±0.1 m/s, in NumPy."""
+    v = np.asarray(motion.knot_states().velocity)
+    a = np.asarray(motion.knot_states().acceleration)
+    j, edges = np.asarray(motion.jerk), []
+    for k in range(len(j)):
+        cuts = [0.0, T]
+        for level in (-0.1, 0.0, 0.1):
+            roots = np.roots([j[k] / 2, a[k], v[k] - level])
+            cuts += [r for r in roots[np.isreal(roots)].real if 0 < r < T]
+        if np.sign(v[k]) != np.sign(v[k + 1]):  # S_f is steep there
+            zero = [c for c in cuts if abs(v[k] + a[k] * c + j[k] * c * c / 2) < 1e-9]
+            cuts += [z + s for z in zero for s in np.geomspace(1e-6, T, 30) if z + s < T]
+            cuts += [z - s for z in zero for s in np.geomspace(1e-6, T, 30) if z - s > 0]
+        edges.append(k * T + np.unique(cuts))
+    nodes, shares = np.polynomial.legendre.leggauss(8)
+    edges = np.concatenate(edges)
+    low, wide = edges[:-1], np.diff(edges)
+    keep = wide > 1e-13
+    times = (low[keep, None] + wide[keep, None] * (nodes + 1) / 2).ravel()
+    weights = (wide[keep, None] * shares / 2).ravel()
+    _, v, a = (np.asarray(x) for x in motion.states(jnp.asarray(times)))
+    phi = np.stack([a, v, 2 / np.pi * np.arctan(1000 * v), np.ones_like(v)], axis=1)
+    delta = np.where(np.abs(v) <= 0.1, 0.25, 0.15)
+    P = phi.T @ (phi * weights[:, None])
+    expected = np.abs(np.linalg.solve(P, phi.T)) @ (weights * delta)
+    np.testing.assert_allclose(planned_error(motor.system(), motion), expected, rtol=1e-4)
+
+
+def test_rearranged_and_grown_motions_keep_their_parents(key, motion):
+    space = motion_space(motor.limits(), motor.boundary(), 60, T)
+    parents = [motion.jerk]
+    again = rearranged(key, space, parents, T, 44.4, 4)
+    np.testing.assert_allclose(space.trajectory(again[0]).jerk, motion.jerk, atol=1e-5)
+    assert jnp.max(jnp.abs(again[1] - again[0])) > 0.01
+    longer = motion_space(motor.limits(), motor.boundary(), 80, T)
+    assert grown(key, longer, parents, 80, 3).shape == (3, longer.basis.shape[1])
+
+
+def test_stages_get_harder():
+    stages = first_stages(5)
+    assert all(a.penalty < b.penalty for a, b in itertools.pairwise(stages))
+    assert all(a.smoothing > b.smoothing for a, b in itertools.pairwise(stages))

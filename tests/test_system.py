@@ -1,0 +1,124 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import linear_motor as motor
+from jaxid import one_link_arm as arm
+from jaxid.experiment import design_motion
+from jaxid.limits import (
+    Limits,
+    Via,
+    acceleration_limit,
+    acceleration_limit_euclidean,
+)
+from jaxid.system import Constant, ConstantBound, SpeedBand, System, Term, Viscous, softened
+
+BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}
+
+
+def test_both_readings_of_18():
+    assert acceleration_limit(motor.system(), **BOX)[1] == pytest.approx(400 / 9, rel=1e-14)
+    euclidean = acceleration_limit_euclidean(motor.system(), **BOX)
+    np.testing.assert_allclose(euclidean, [-1, 1] * np.array(43.77), atol=0.01)
+
+
+def test_asymmetric_inputs_give_asymmetric_accelerations():
+    low, high = acceleration_limit(arm.system(), (-0.35, 1.75), (-5.0, 6.0), (-4.0, 5.0))
+    load = 0.1 * 6 + 0.3 + 1.0 + 0.1
+    assert float(low) == pytest.approx((-4.0 + load) / 0.08)
+    assert float(high) == pytest.approx((5.0 - load) / 0.08)
+
+
+def test_an_input_too_weak_for_friction_is_refused():
+    with pytest.raises(ValueError, match=r"`input` must leave something for acceleration"):
+        acceleration_limit(motor.system(), (-0.01, 0.4), (-2.0, 2.0), (-1.5, 1.5))
+
+
+def test_delta_is_33():
+    speeds = jnp.array([-2.0, -0.1001, -0.1, 0.0, 0.1, 0.1001, 2.0])
+    delta = motor.system().disturbance_bound(jnp.zeros(7), speeds)
+    np.testing.assert_array_equal(delta, [0.15, 0.15, 0.25, 0.25, 0.25, 0.15, 0.15])
+
+
+def test_softening_tends_to_the_exact_system():
+    y, v = jnp.zeros(400), jnp.linspace(-2.0, 2.0, 400)
+    exact, soft = motor.system(), softened(motor.system(), jnp.asarray(1e-5))
+    np.testing.assert_allclose(
+        soft.disturbance_bound(y, v), exact.disturbance_bound(y, v), atol=1e-6
+    )
+    for a, b in zip(soft.forces(y, v), exact.forces(y, v), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-4)
+
+
+def test_acceleration_solves_the_regression_form(key):
+    system = arm.system()
+    y, v, u = jax.random.normal(key, (3,))
+    a = system.acceleration(y, v, u, system.centre)
+    back = sum(f * t for f, t in zip(system.regressors(y, v, a), system.centre, strict=True))
+    assert back == pytest.approx(float(u))
+
+
+@pytest.mark.parametrize(
+    ("interval", "sentence"),
+    [
+        ((0.2, 0.1), r"interval of M.*lower end below its upper end.*\(0\.2, 0\.1\)"),
+        ((0.0, 0.1), r"inertia M must be above zero"),
+        ((float("nan"), 0.1), r"interval of M.*two finite ends"),
+    ],
+)
+def test_a_bad_box_is_refused(interval, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        System(
+            (Term("M", "kg", interval), Term("B", "N s/m", (0.0, 1.0), Viscous())),
+            ConstantBound(1.0),
+        )
+
+
+@pytest.mark.parametrize("level", [0.0, -0.1, float("inf")])
+def test_a_bad_delta_is_refused(level):
+    with pytest.raises(ValueError, match="δ must be positive and finite"):
+        ConstantBound(level)
+    with pytest.raises(ValueError, match="`fast`"):
+        SpeedBand(0.2, level, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "interval", "sentence"),
+    [
+        ("velocity", (2.0, -2.0), r"`velocity` must have its lower end below"),
+        ("velocity", (0.1, 2.0), r"`velocity` must have zero inside"),
+        ("input", (-10.0, float("inf")), r"`input` must have two finite ends"),
+        ("jerk", (-1.0, 0.0), r"`jerk` must have zero inside"),
+    ],
+)
+def test_bad_limits_are_refused(name, interval, sentence):
+    good = {**BOX, "acceleration": (-44.0, 44.0), "jerk": (-1000.0, 1000.0)}
+    with pytest.raises(ValueError, match=sentence):
+        Limits(**{**good, name: interval})
+
+
+def test_a_bad_via_point_is_refused():
+    with pytest.raises(ValueError, match="`at` must be a fraction"):
+        Via(1.5, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="must not exceed `upper`"):
+        Via(0.5, (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def test_terms_must_start_with_the_inertia_and_differ_in_name():
+    inertia, offset = Term("M", "kg", (1.0, 2.0)), Term("d", "N", (-1.0, 1.0), Constant())
+    with pytest.raises(ValueError, match="must begin with the inertia"):
+        System((offset, inertia), ConstantBound(1.0))
+    with pytest.raises(ValueError, match="distinct names"):
+        System((inertia, offset, offset), ConstantBound(1.0))
+
+
+def test_an_unknown_parameter_is_named(key):
+    with pytest.raises(ValueError, match=r"one of \['M', 'B', 'Fc', 'dbar'\], but is 'mass'"):
+        design_motion(motor.system(), motor.limits(), motor.boundary(), "mass", 60, 0.01, key)
+
+
+def test_single_precision_is_refused(key):
+    system = jax.tree.map(lambda x: x.astype(jnp.float32), motor.system())
+    with pytest.raises(ValueError, match=r"`system` must be float64.*float32"):
+        design_motion(system, motor.limits(), motor.boundary(), "M", 60, 0.01, key)
