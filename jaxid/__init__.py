@@ -21,12 +21,12 @@ says which room may import from which; it is tested, and so is that nobody impor
     record <- system, trajectory
     bound <- checks, record, system
     objective <- bound, record, system, trajectory
-    sensing <- record, system, trajectory
+    filters <- record, system
+    sensing <- filters, record, system, trajectory
     disturbance <- system
     control <- checks, sensing, system, trajectory
     simulate <- control, disturbance, record, sensing, system, trajectory
     excitation <- -
-    filters <- record, system
     estimate <- bound, record, system
     experiment <- bound, checks, control, design, estimate, filters, limits, objective, record, \
 sensing, simulate, system, trajectory

@@ -145,8 +145,9 @@ def certificates(
         count = runs.misses(loop, chosen[cell], index, study.plants, study.seed)
         lines.append(
             f"{cell.target}: θ outside θ̂ ± J_f in {int(count.exact[index])} of {count.experiments} "
-            f"experiments with exact signals, in {int(count.measured[index])} with a "
-            f"{motor.ENCODER_RESOLUTION * 1e6:g} µm encoder and differences."
+            f"experiments with exact signals; with a {motor.ENCODER_RESOLUTION * 1e6:g} µm encoder "
+            f"in {int(count.printed[index])} with (28) as printed, in {int(count.measured[index])} "
+            "with differences that lag alike in every column."
         )
     return [
         "\n".join([f"Is (29) a certificate? Random plants, worst Δ, seed {study.seed}.", *lines])

@@ -16,7 +16,7 @@ from jaxid.excitation import pulses
 from jaxid.experiment import identify, run
 from jaxid.filters import adjoint, filtered, low_pass
 from jaxid.record import Record
-from jaxid.sensing import Encoder, IdealSensor, differenced_record
+from jaxid.sensing import Encoder, IdealSensor, differenced_record, printed_record
 from jaxid.simulate import Plant, Signals, simulate
 from jaxid.trajectory import JerkTrajectory, States, reference
 
@@ -117,6 +117,7 @@ class Misses(NamedTuple):
     """In how many of `experiments` θ was outside θ̂ ± J_f, for each parameter."""
 
     exact: Int[Array, " m"]
+    printed: Int[Array, " m"]
     measured: Int[Array, " m"]
     experiments: int
 
@@ -126,35 +127,38 @@ def misses(
 ) -> Misses:
     """Random plants of Ω_θ under the Δ that is worst for parameter `index`: is (29) kept?"""
     keys = jax.random.split(jax.random.key(seed), count)
-    exact, seen = _misses(loop.record, trajectory, index, keys)
-    return Misses(exact, seen, count)
+    return Misses(*_misses(loop.record, trajectory, index, keys), count)
 
 
 @eqx.filter_jit
 def _misses(
     record: Record, trajectory: JerkTrajectory, index: int, keys: Array
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     system, period, w = motor.system(), motor.CONTROL_PERIOD, motor.BANDWIDTH
     desired = reference(trajectory, period, record.input.size // PERIODS, PERIODS)
     weights = least_squares(filtered(record, w, period).rows)[index]
     adversary = Sequence(jnp.sign(adjoint(weights, w, period)))
 
-    def one(key: Array) -> tuple[Array, Array]:
+    def one(key: Array) -> Array:
         theta = jax.random.uniform(
             key, system.lower.shape, minval=system.lower, maxval=system.upper
         )
         plant = Plant(system, theta, adversary)
         sensor = Encoder(motor.ENCODER_RESOLUTION)
         found, signals = simulate(plant, motor.controller(), sensor, desired, period)
-        outside = []
-        for rows in (found, measured(found, signals)):
-            estimate = least_squares_estimate(filtered(rows, w, period), system)
-            # rounding of θ̂ is not a miss
-            outside.append(jnp.abs(estimate.theta - theta) > estimate.bound * (1 + 1e-9))
-        return outside[0], outside[1]
+        position = sensor.quantise(signals.position)
+        records = (
+            filtered(found, w, period),
+            printed_record(system, found.input, position, w, period),
+            filtered(measured(found, signals), w, period),
+        )
+        estimates = [least_squares_estimate(record, system) for record in records]
+        # rounding of θ̂ is not a miss
+        outside = [jnp.abs(e.theta - theta) > e.bound * (1 + 1e-9) for e in estimates]
+        return jnp.stack(outside)
 
-    exact, seen = jax.lax.map(one, keys, batch_size=20)
-    return jnp.sum(exact, axis=0), jnp.sum(seen, axis=0)
+    exact, printed, seen = jnp.sum(jax.lax.map(one, keys, batch_size=20), axis=0)
+    return exact, printed, seen
 
 
 def open_loop(amplitude: float, shape: Pulses = Pulses()) -> OpenLoopRun:
