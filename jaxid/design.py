@@ -39,7 +39,10 @@ class Stage(NamedTuple):
 
 
 class Effort(NamedTuple):
-    """How long to search. Measured on the motor: the default agrees within 0.5 % over seeds.
+    """How long to search.
+
+    On the motor the default takes about 12 s per design and core. Searches that differ in seed and
+    effort have ended up to 0.5 % apart at N = 30, and up to 3 % at N = 60, where dwells are longer.
 
     Attributes:
         starts: motions that are improved together.
@@ -155,13 +158,13 @@ def design(
         z = descend(objective, limits, boundary, space, z, stages, effort.steps)
         pool = _best(pool, _admissible(objective, limits, boundary, inside, space, z))
         history.append(float(pool.values[0]))
-    best, value = inside, float("inf")
+    polished = []
     for k in range(effort.polished):
         report(f"polish {k + 1} of {effort.polished}")
         found = polish(fine, limits, boundary, inside, _pick(pool, k), effort.polish_steps)
-        reached = float(_value(fine, found, 0.0))
-        if reached < value:
-            best, value = found, reached
+        reached = jnp.nan_to_num(_value(fine, found, 0.0), nan=jnp.inf)
+        polished.append((float(reached), k, found))
+    value, _, best = min(polished)  # k decides between equals
     return Design(trimmed(best), value, tuple(history))
 
 

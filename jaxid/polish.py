@@ -93,7 +93,7 @@ def _linear_step(c: Inequalities, at: _Point, radius: float) -> Vector:
     """The best move within the trust region and all conditions; zero if none is found.
 
     Conditions that the motion is near to are imposed, then those that the move turns out to break:
-    with all of them from the beginning the programs take ten times longer.
+    with all of them from the beginning the programs take three times longer.
     """
     here = c.rows @ at.jerk
     up = ~c.fixed & (here > c.upper - _NEAR)
