@@ -16,8 +16,11 @@ says which room may import from which; it is tested, and so is that nobody impor
     limits <- checks, system, trajectory
     feasible <- checks, limits, trajectory
     starts <- feasible
-    polish <- feasible, limits, system, trajectory
-    design <- feasible, limits, polish, starts, system, trajectory
+    problem <- limits, system, trajectory
+    descent <- feasible, problem, system
+    dwells <- feasible, limits, problem, system
+    polish <- feasible, problem, system, trajectory
+    design <- descent, dwells, feasible, limits, polish, problem, starts, system, trajectory
     record <- system, trajectory
     bound <- checks, record, system
     objective <- bound, record, system, trajectory

@@ -4,7 +4,6 @@ Limits and via points are linear in the jerk, so only the objective is linearise
 admissible, and only improvements are accepted.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,11 +14,9 @@ from jaxtyping import Array, Bool, Float
 from scipy.optimize import linprog
 
 from jaxid.feasible import Inequalities, inequalities, walk
-from jaxid.limits import Boundary, Limits
+from jaxid.problem import Objective, Problem
 from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
-
-Objective = Callable[[JerkTrajectory, Scalar], Scalar]
 
 # Of the objective, one after the other: without the first the programs stall on corners earlier
 # (0.1 % of the motor's J), and after the second the rounded J is within 0.02 % of the exact one.
@@ -40,28 +37,22 @@ class _Point(NamedTuple):
 
 
 def polish(
-    objective: Objective,
-    limits: Limits,
-    boundary: Boundary,
-    inside: JerkTrajectory,
-    start: JerkTrajectory,
-    steps: int,
+    problem: Problem, inside: JerkTrajectory, start: JerkTrajectory, steps: int
 ) -> JerkTrajectory:
     """Improve an admissible motion by at most `steps` linear programs per smoothing.
 
     Args:
-        objective: of a trajectory and a smoothing.
-        limits: kept exactly.
-        boundary: kept exactly.
+        problem: its objective smoothed, its limits kept exactly.
         inside: a strictly admissible motion of the same length, to walk back from.
         start: an admissible motion; padding (intervals of no duration) is left alone.
         steps: the most linear programs to solve per smoothing.
     """
     active = int(np.count_nonzero(np.asarray(start.durations)))
+    limits, boundary = problem.limits, problem.boundary
     conditions = inequalities(limits, boundary, active, float(start.durations[0]))
     found = start
     for smoothing in SMOOTHINGS:
-        found = _descend(objective, conditions, found, smoothing, steps)
+        found = _descend(problem.objective, conditions, found, smoothing, steps)
         found = walk(limits, boundary, inside, found)
     return found
 
@@ -107,7 +98,9 @@ def _linear_step(c: Inequalities, at: _Point, radius: float) -> Vector:
         if not (above.any() or below.any()):
             break
         up, down = up | above, down | below
-    return move
+    # the solver meets the end conditions to 1e-7, which would add up from step to step
+    ends = c.rows[c.fixed]
+    return move - np.linalg.pinv(ends) @ (ends @ move)
 
 
 def _solve(

@@ -20,6 +20,12 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 settings.register_profile("jaxid", deadline=None, derandomize=True, max_examples=25)
 settings.load_profile("jaxid")
 
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Programs first: the longest test must not begin last, on one worker."""
+    items.sort(key=lambda item: "test_programs" not in item.nodeid)
+
+
 FIGURES = Path(__file__).parent.parent / "figures"
 
 

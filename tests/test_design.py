@@ -7,7 +7,9 @@ import pytest
 
 from jaxid import linear_motor as motor
 from jaxid.bound import individual, infinity
-from jaxid.design import Effort, design, first_stages
+from jaxid.descent import stages
+from jaxid.design import Effort, design
+from jaxid.dwells import Dwells, jerk_of
 from jaxid.experiment import design_motion
 from jaxid.feasible import interior, motion_space
 from jaxid.limits import worst_excess
@@ -16,7 +18,8 @@ from jaxid.starts import grown, rearranged
 from jaxid.trajectory import JerkTrajectory
 
 T = motor.KNOT_PERIOD
-SMALL = Effort(starts=16, stages=4, steps=60, rounds=1, parents=4, polished=1, polish_steps=30)
+SMALL = Effort(starts=16, generations=20, stages=2, rounds=1, parents=4, polished=1)
+PLAIN = SMALL._replace(generations=0)
 
 
 def test_any_function_of_a_motion_can_be_designed_for(key):
@@ -25,7 +28,7 @@ def test_any_function_of_a_motion_can_be_designed_for(key):
     def objective(trajectory: JerkTrajectory, smoothing):
         return -jnp.log(trajectory.states(jnp.array([0.15])).position[0] + 0.05)
 
-    found = design(objective, motor.limits(), motor.boundary(), 60, T, key, effort=SMALL)
+    found = design(objective, motor.limits(), motor.boundary(), 60, T, key, effort=PLAIN)
     reached = float(found.trajectory.states(jnp.array([0.15])).position[0])
     assert reached == pytest.approx(highest_at(15), rel=2e-4)
     assert worst_excess(motor.limits(), motor.boundary(), found.trajectory) <= 0
@@ -54,7 +57,9 @@ def test_a_small_search_beats_the_paper_within_the_limits(key):
 
 def test_same_key_same_motion(key):
     args = (motor.system(), motor.limits(), motor.boundary(), "M", 60, T, key)
-    tiny = Effort(starts=4, stages=2, steps=5, rounds=1, round_stages=1, parents=2, polished=1)
+    tiny = Effort(
+        starts=8, generations=3, stages=2, steps=5, rounds=1, parents=2, polished=1, polish_steps=5
+    )
     one, other = (design_motion(*args, effort=tiny) for _ in range(2))
     np.testing.assert_array_equal(one.trajectory.jerk, other.trajectory.jerk)
 
@@ -156,6 +161,21 @@ def test_rearranged_and_grown_motions_keep_their_parents(key, motion):
 
 
 def test_stages_get_harder():
-    stages = first_stages(5)
-    assert all(a.penalty < b.penalty for a, b in itertools.pairwise(stages))
-    assert all(a.smoothing > b.smoothing for a, b in itertools.pairwise(stages))
+    assert all(a.penalty < b.penalty for a, b in itertools.pairwise(stages(5)))
+    assert all(a.smoothing > b.smoothing for a, b in itertools.pairwise(stages(5)))
+
+
+def test_a_motion_of_dwells_holds_its_speeds_within_the_limits():
+    """With padding, and a share of no time: the speeds, in order, and rest at the end."""
+    limits = motor.limits()
+    space = motion_space(limits, motor.boundary(), 80, T, 100)
+    speeds = jnp.array([0.1, 2.0, 2.0, -2.0, 0.5, -0.05, 0.0])
+    shares = jnp.array([2.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0])
+    jerk = jerk_of(Dwells(speeds, shares), limits, space)
+    states = JerkTrajectory(space.start, jerk, space.durations).knot_states()
+    speed, acceleration = np.asarray(states.velocity), np.asarray(states.acceleration)
+    held = [v for v, _ in itertools.groupby(speed[np.abs(acceleration) < 1e-9].round(9))]
+    assert held == [0.0, 0.1, 2.0, -2.0, 0.5, -0.05, 0.0]
+    assert np.all(np.asarray(jerk)[80:] == 0)
+    assert np.max(np.abs(jerk)) <= 1000.0 * (1 + 1e-9)
+    assert np.max(np.abs(acceleration)) <= 400 / 9 * (1 + 1e-9)

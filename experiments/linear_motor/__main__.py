@@ -46,7 +46,7 @@ class Study:
     @property
     def plants(self) -> int:
         """How many random plants the bound is tried on."""
-        return 4 if self.toy else 300
+        return 4 if self.toy else 100
 
 
 def main(study: Study) -> None:

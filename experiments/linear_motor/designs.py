@@ -24,7 +24,7 @@ INFINITY = "infinity"
 
 # only shows that everything runs
 TOY = Effort(
-    starts=4, stages=2, steps=5, rounds=1, round_stages=1, parents=2, polished=1, polish_steps=5
+    starts=8, generations=0, stages=2, steps=5, rounds=1, parents=2, polished=1, polish_steps=5
 )
 
 

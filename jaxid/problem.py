@@ -1,0 +1,59 @@
+"""What a search solves (16): minimise a function of a motion, under limits and via points."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxid.limits import Boundary, Limits, excess
+from jaxid.system import Scalar
+from jaxid.trajectory import JerkTrajectory
+
+Objective = Callable[[JerkTrajectory, Scalar], Scalar]
+Multipliers = tuple[Float[Array, "..."], ...]
+
+
+class Problem(eqx.Module):
+    """An objective with its conditions, as an augmented Lagrangian sees them.
+
+    Attributes:
+        objective: of a trajectory and a smoothing.
+        limits: c ≤ 0 for each entry of `excess`, in half-widths.
+        boundary: its inequalities count as well; its equalities are built into the motions.
+    """
+
+    objective: Objective
+    limits: Limits
+    boundary: Boundary
+
+    def excess(self, trajectory: JerkTrajectory) -> Multipliers:
+        """How far each condition is exceeded, in half-widths."""
+        return excess(self.limits, self.boundary, trajectory)
+
+    def pushed(
+        self, trajectory: JerkTrajectory, multipliers: Multipliers, penalty: Scalar
+    ) -> Multipliers:
+        """max(0, λ + ρc) for each condition c ≤ 0 (Rockafellar 1973)."""
+        c = self.excess(trajectory)
+        return jax.tree.map(lambda m, c: jnp.maximum(0.0, m + penalty * c), multipliers, c)
+
+    def lagrangian(
+        self,
+        trajectory: JerkTrajectory,
+        multipliers: Multipliers,
+        penalty: Scalar,
+        smoothing: Scalar,
+    ) -> Scalar:
+        """The objective and the walls; without multipliers a plain quadratic penalty."""
+        pushed = self.pushed(trajectory, multipliers, penalty)
+        walls = sum(jnp.sum(x**2) for x in pushed) / (2 * penalty)
+        return self.objective(trajectory, smoothing) + walls
+
+    def merit(self, trajectory: JerkTrajectory, smoothing: float) -> Scalar:
+        """What motions are compared by that need not keep the limits yet; inf where undefined."""
+        nothing = jax.tree.map(jnp.zeros_like, self.excess(trajectory))
+        penalty, smooth = jnp.asarray(100.0), jnp.asarray(smoothing)
+        value = self.lagrangian(trajectory, nothing, penalty, smooth)
+        return jnp.nan_to_num(value, nan=jnp.inf)
