@@ -1,5 +1,6 @@
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 os.environ.setdefault("MPLCONFIGDIR", tempfile.mkdtemp())
@@ -38,6 +39,14 @@ def figures() -> Path:
 def motion() -> JerkTrajectory:
     """The committed design for M at N = 30."""
     return read_trajectory(FIGURES / "trajectory_M_N30.csv")
+
+
+@pytest.fixture
+def quick_compilation() -> Iterator[None]:
+    """For what is compiled longer than it runs."""
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from conftest import uniform_in_box
 
 from jaxid import one_link_arm as arm
@@ -20,6 +21,7 @@ from jaxid.simulate import Plant
 W = 500.0
 
 
+@pytest.mark.usefixtures("quick_compilation")
 def test_from_design_to_identified_interval(key):
     system, limits, boundary = arm.system(), arm.limits(), arm.boundary()
     effort = Effort(starts=16, generations=0, stages=2, rounds=1, parents=4, polished=1)

@@ -22,6 +22,7 @@ SMALL = Effort(starts=16, generations=20, stages=2, rounds=1, parents=4, polishe
 PLAIN = SMALL._replace(generations=0)
 
 
+@pytest.mark.usefixtures("quick_compilation")
 def test_any_function_of_a_motion_can_be_designed_for(key):
     """The highest point at 0.15 s, a linear program that HiGHS solves exactly."""
 
@@ -47,6 +48,7 @@ def highest_at(knot: int) -> float:
     return -linprog(-Y[4 * knot - 1], rows, sides, ends, np.zeros(3), bounds=(-1, 1)).fun
 
 
+@pytest.mark.usefixtures("quick_compilation")
 def test_a_small_search_beats_the_paper_within_the_limits(key):
     system, limits, boundary = motor.system(), motor.limits(), motor.boundary()
     found = design_motion(system, limits, boundary, "Fc", 60, T, key, effort=SMALL)
@@ -55,6 +57,7 @@ def test_a_small_search_beats_the_paper_within_the_limits(key):
     assert found.history[-1] <= found.history[0]
 
 
+@pytest.mark.usefixtures("quick_compilation")
 def test_same_key_same_motion(key):
     args = (motor.system(), motor.limits(), motor.boundary(), "M", 60, T, key)
     tiny = Effort(
@@ -91,7 +94,7 @@ def test_no_nan_at_rest():
     objective = PlannedError(motor.system(), individual(0, 4), 2.0, 5)
     inside = interior(motor.limits(), motor.boundary(), 60, T)
     z = space.coordinates(inside.jerk)
-    slope = jax.grad(lambda z: objective(space.trajectory(z), jnp.asarray(0.0)))(z)
+    slope = jax.jit(jax.grad(lambda z: objective(space.trajectory(z), jnp.asarray(0.0))))(z)
     assert jnp.all(jnp.isfinite(slope))
 
 
