@@ -82,6 +82,7 @@ class ARC(Controller):
         measured: Measurement,
         period: Scalar,
     ) -> tuple[Scalar, tuple[Scalar, ...]]:
+        """(19)-(26): u = u_a + u_s1 + u_s2, and the adapted θ̂."""
         theta, (y, v) = state, measured
         e, e_rate = y - reference.position, v - reference.velocity
         p = e_rate + self.k1 * e  # (19)
@@ -140,6 +141,7 @@ class PDFeedforward(Controller):
     def step(
         self, state: tuple[()], reference: States, measured: Measurement, period: Scalar
     ) -> tuple[Scalar, tuple[()]]:
+        """φᵀθ on the reference, less what the errors ask for."""
         feedforward = dot(self.system.regressors(*reference), self.theta)
         e = measured.position - reference.position
         e_rate = measured.velocity - reference.velocity
@@ -157,4 +159,5 @@ class OpenLoop(Controller):
     def step(
         self, state: Int[Array, ""], reference: States, measured: Measurement, period: Scalar
     ) -> tuple[Scalar, Int[Array, ""]]:
+        """The next entry of the given input, whatever is measured."""
         return self.input[state], state + 1

@@ -13,6 +13,7 @@ from jaxid.problem import Multipliers, Problem
 from jaxid.system import Scalar
 
 LAST_SMOOTHING = 0.0003  # of the objective's corners
+_HALVING_SMOOTHING = 0.001  # where unfinished motions are compared
 
 
 class Stage(NamedTuple):
@@ -87,7 +88,7 @@ def _batches(lanes: _Lanes) -> list[_Lanes]:
 def _merits(
     problem: Problem, space: MotionSpace, z: Float[Array, "starts d"]
 ) -> Float[Array, " starts"]:
-    return jax.vmap(lambda z: problem.merit(space.trajectory(z), 0.001))(z)
+    return jax.vmap(lambda z: problem.merit(space.trajectory(z), _HALVING_SMOOTHING))(z)
 
 
 @eqx.filter_jit

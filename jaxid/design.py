@@ -125,14 +125,21 @@ def design(
         history.append(float(pool.values[0]))
     assert pool is not None
     exact = problem if fine is None else Problem(fine, limits, boundary)
+    value, best = _polished(exact, inside, pool, effort, report)
+    return Design(trimmed(best), value, tuple(history))
+
+
+def _polished(
+    problem: Problem, inside: JerkTrajectory, pool: _Pool, effort: Effort, report: Report
+) -> tuple[float, JerkTrajectory]:
     polished = []
     for k in range(min(effort.polished, pool.values.size)):
         report(f"polish {k + 1} of {effort.polished}")
-        motion = polish(exact, inside, _pick(pool, k), effort.polish_steps)
-        reached = jnp.nan_to_num(_value(exact, motion, 0.0), nan=jnp.inf)
+        motion = polish(problem, inside, _pick(pool, k), effort.polish_steps)
+        reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
         polished.append((float(reached), k, motion))
     value, _, best = min(polished)  # k decides between equals
-    return Design(trimmed(best), value, tuple(history))
+    return value, best
 
 
 def _first_starts(

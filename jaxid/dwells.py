@@ -91,11 +91,11 @@ def _evolve(
         )
         return (kept, jnp.minimum(reached, values)), None
 
-    first, *rest = jax.random.split(key, generations + 1)
-    u = jax.random.uniform(first, (4, count, _MEMBERS, _DWELLS))
+    keys = jax.random.split(key, generations + 1)
+    u = jax.random.uniform(keys[0], (4, count, _MEMBERS, _DWELLS))
     members = Dwells(_random_speed(u[0], u[1], u[2], limits), -jnp.log1p(-u[3]))
     unknown = jnp.full((count, _MEMBERS), jnp.inf)  # so that every first child is taken
-    (members, values), _ = jax.lax.scan(generation, (members, unknown), jnp.stack(rest))
+    (members, values), _ = jax.lax.scan(generation, (members, unknown), keys[1:])
     best = _take(members, jnp.argmin(values, axis=1)[:, None])
     return jax.vmap(lambda one: coordinates(jax.tree.map(lambda x: x[0], one)))(best)
 

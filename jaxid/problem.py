@@ -12,6 +12,7 @@ from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 Objective = Callable[[JerkTrajectory, Scalar], Scalar]
+_MERIT_PENALTY = 100.0  # as hard as the walls of the last stage of a descent
 Multipliers = tuple[Float[Array, "..."], ...]
 
 
@@ -54,6 +55,6 @@ class Problem(eqx.Module):
     def merit(self, trajectory: JerkTrajectory, smoothing: float) -> Scalar:
         """What motions are compared by that need not keep the limits yet; inf where undefined."""
         nothing = jax.tree.map(jnp.zeros_like, self.excess(trajectory))
-        penalty, smooth = jnp.asarray(100.0), jnp.asarray(smoothing)
+        penalty, smooth = jnp.asarray(_MERIT_PENALTY), jnp.asarray(smoothing)
         value = self.lagrangian(trajectory, nothing, penalty, smooth)
         return jnp.nan_to_num(value, nan=jnp.inf)

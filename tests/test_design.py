@@ -49,10 +49,11 @@ def highest_at(knot: int) -> float:
 
 
 @pytest.mark.usefixtures("quick_compilation")
-def test_a_small_search_beats_the_paper_within_the_limits(key):
+def test_a_small_search_comes_near_the_best_known_within_the_limits(key):
     system, limits, boundary = motor.system(), motor.limits(), motor.boundary()
     found = design_motion(system, limits, boundary, "Fc", 60, T, key, effort=SMALL)
-    assert planned_error(system, found.trajectory)[2] < 0.2598
+    # seeds 0 to 2 came within 3.3 to 4.7 % of the best known, without dwells within 5.4 to 6.7 %
+    assert planned_error(system, found.trajectory)[2] < 1.05 * 0.2108
     assert worst_excess(limits, boundary, found.trajectory) <= 0
     assert found.history[-1] <= found.history[0]
 

@@ -79,7 +79,8 @@ def bandwidth(folder: Path, sweeps: Mapping[Cell, Sweep], errors: Mapping[Cell, 
         terms, "w (rad/s)", "rms (m/s²)", f"Terms of (30), motion for {next(iter(sweeps)).target}"
     )
     names = ("first: error, exact", "first: error, measured", "second: lag of the filter")
-    terms.legend(names, fontsize=10)
+    terms.set_ylim(top=3e3)  # room for the legend above the lines
+    terms.legend(names, fontsize=10, loc="upper center")
     report.save(canvas, folder / "fig9.png")
 
 
