@@ -6,10 +6,13 @@ READY := $(VENV)/.ready
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce test check clean
+.PHONY: reproduce crosscheck test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
+
+crosscheck: $(READY)  ## Table I beside three longer searches; half an hour
+	$(BIN)/python -m experiments.linear_motor.crosscheck
 
 test: $(READY)  ## every promise
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal

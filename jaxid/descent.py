@@ -55,7 +55,8 @@ def descend(
     """All starts through the stages; before each stage but the first, the worse half is given up.
 
     Halving gives most of the time to the few that deserve it: the last stages decide between
-    motions that differ by a per cent, the first between those that differ by ten.
+    motions that differ by a per cent, the first between those that differ by ten. It ends at one
+    batch: fewer motions would need a compilation of their own.
 
     Args:
         problem: its limits as penalties; what remains of a violation is left to `walk`.
@@ -67,9 +68,9 @@ def descend(
     shapes = jax.eval_shape(jax.vmap(lambda z: problem.excess(space.trajectory(z))), z)
     lanes = _Lanes(z, jax.tree.map(lambda c: jnp.zeros(c.shape, c.dtype), shapes))
     for k, stage in enumerate(stages(count)):
-        if k:
+        if k and lanes.z.shape[0] > _BATCH:
             merits = jnp.concatenate([_merits(problem, space, part.z) for part in _batches(lanes)])
-            better = jnp.argsort(merits)[: -(-merits.size // 2)]
+            better = jnp.argsort(merits)[: max(_BATCH, merits.size // 2)]
             lanes = jax.tree.map(lambda x, better=better: x[better], lanes)
         done = [_stage(problem, space, part, stage, steps) for part in _batches(lanes)]
         lanes = jax.tree.map(lambda *parts: jnp.concatenate(parts), *done)

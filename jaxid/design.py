@@ -29,12 +29,14 @@ class Effort(NamedTuple):
     """How long to search.
 
     Attributes:
-        starts: motions that are improved together, at the beginning and in every round.
-        generations: of motions made of dwells, before the first descent; with 0 all starts are
-            random.
+        starts: motions that are improved together, at the beginning.
+        generations: of motions made of dwells, before the first descent; with 0 these starts are
+            random too.
         stages: of a descent; each goes on with the better half.
         steps: of gradient descent per stage.
         rounds: of rearranging the best and descending again.
+        variations: motions that are improved together in a round: more rounds of fewer reach
+            further than fewer of more.
         parents: how many of the best are rearranged.
         polished: how many of the best are polished by linear programs.
         polish_steps: linear programs per polish and smoothing.
@@ -44,7 +46,8 @@ class Effort(NamedTuple):
     generations: int = 100
     stages: int = 3
     steps: int = 240
-    rounds: int = 2
+    rounds: int = 4
+    variations: int = 32
     parents: int = 8
     polished: int = 2
     polish_steps: int = 40
@@ -117,7 +120,7 @@ def design(
                 for i in range(min(effort.parents, pool.values.size))
             ]
             fastest = float(jnp.max(jnp.abs(limits.acceleration)))
-            z = rearranged(keys[k - 1], space, parents, period, fastest, effort.starts)
+            z = rearranged(keys[k - 1], space, parents, period, fastest, effort.variations)
         report(f"descent {k + 1} of {effort.rounds + 1}")
         z = descend(problem, space, z, effort.stages, effort.steps)
         found = _admissible(problem, inside, space, z)
@@ -152,13 +155,14 @@ def _first_starts(
 ) -> Float[Array, "starts d"]:
     """An eighth random, the others of dwells; half of the latter give way to longer copies."""
     keys = jax.random.split(key, 3)
-    random = effort.starts // 8 if effort.generations else effort.starts
-    copies = 0 if shorter is None else (effort.starts - random) // 2
-    count = effort.starts - random - copies
-    parts = [random_starts(keys[0], space, random)]
-    if count:
-        parts.append(evolved(keys[1], problem, space, count, effort.generations))
-    if shorter is not None:
+    made = effort.starts - effort.starts // 8
+    copies = 0 if shorter is None else made // 2
+    dwells = made - copies if effort.generations else 0
+    parts = [random_starts(keys[0], space, effort.starts - dwells - copies)]
+    if dwells:
+        parts.append(evolved(keys[1], problem, space, dwells, effort.generations))
+    if copies:
+        assert shorter is not None
         parts.append(grown(keys[2], space, [trimmed(shorter).jerk], intervals, copies))
     return jnp.concatenate(parts)
 

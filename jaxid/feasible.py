@@ -159,11 +159,11 @@ def interior(
     Raises:
         InfeasibleError: if there is none, which a linear program proves.
     """
-    trajectory, margin = _deepest(limits, boundary, intervals, period)
+    trajectory, margin = _deepest(limits, boundary, intervals, period, size or intervals)
     if trajectory is None:
         shortest = shortest_feasible(limits, boundary, period, multiple=_grid(boundary))
         raise InfeasibleError(intervals, period, -margin, shortest)
-    return padded(trajectory, size or intervals)
+    return trajectory
 
 
 def shortest_feasible(
@@ -171,7 +171,7 @@ def shortest_feasible(
 ) -> int:
     """The smallest number of intervals, a multiple of `multiple`, for which a motion exists."""
     for intervals in range(multiple, most + 1, multiple):
-        if _deepest(limits, boundary, intervals, period)[0] is not None:
+        if _deepest(limits, boundary, intervals, period, intervals)[0] is not None:
             return intervals
     raise ValueError(
         f"Argument `boundary`: no motion of up to {most} intervals of {period:g} s meets it within "
@@ -214,7 +214,7 @@ def inequalities(limits: Limits, boundary: Boundary, intervals: int, period: flo
 
 
 def _deepest(
-    limits: Limits, boundary: Boundary, intervals: int, period: float
+    limits: Limits, boundary: Boundary, intervals: int, period: float, size: int
 ) -> tuple[JerkTrajectory | None, float]:
     """The deepest motion and its margin; None and a *proved* negative margin if there is none."""
     margin = 0.0
@@ -223,7 +223,7 @@ def _deepest(
         x, margin, bound = _largest_margin(c)
         if bound < 0:
             return None, bound
-        found = uniform(boundary.start, jnp.asarray(x * c.unit), period)
+        found = padded(uniform(boundary.start, jnp.asarray(x * c.unit), period), size)
         # sampling relaxes the limits between the samples: only the exact extrema decide
         if margin > 0 and float(worst_excess(limits, boundary, found)) < 0:
             return found, margin

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from conftest import uniform_in_box
+from hypothesis import given
+from hypothesis import strategies as st
 
 from jaxid import linear_motor as motor
 from jaxid.control import ARC, PDFeedforward
@@ -20,9 +22,9 @@ from jaxid.disturbance import (
     random_shares,
     square_wave,
 )
-from jaxid.sensing import Encoder, IdealSensor
+from jaxid.sensing import Encoder, IdealSensor, Measurement
 from jaxid.simulate import Plant, simulate
-from jaxid.trajectory import reference, ticks
+from jaxid.trajectory import States, reference, ticks
 
 PERIOD = motor.CONTROL_PERIOD
 PLANTS = 1000
@@ -130,6 +132,33 @@ def test_estimates_stay_in_the_box_and_move(motion):
         assert jnp.all(system.lower[j] <= estimate)
         assert jnp.all(estimate <= system.upper[j])
         assert jnp.ptp(estimate) > 0
+
+
+@given(st.integers(0, 10_000), st.floats(-8.0, 2.0))
+def test_projection_keeps_the_box_and_never_takes_the_estimate_away_from_the_truth(seed, size):
+    """(22)-(24) for one tick: no θ in Ω_θ is farther from θ̂ after the projection than without it.
+
+    Distances are those of Γ⁻¹, the ones in the proof of Theorem 4. Γ up to steps of 100 boxes.
+    """
+    rng = np.random.default_rng(seed)
+    system = motor.system()
+    gamma = 10.0**size * rng.uniform(0.1, 1.0, 4) / PERIOD
+    controller = eqx.tree_at(lambda c: c.gamma, motor.controller(), jnp.asarray(gamma))
+    hat, true = (rng.uniform(system.lower, system.upper) for _ in range(2))
+    y, v, *wanted = map(jnp.asarray, rng.uniform(-1.0, 1.0, 5))
+    reference = States(*wanted)
+    state = tuple(map(jnp.asarray, hat))
+    _, adapted = controller.step(state, reference, Measurement(y, v), jnp.asarray(PERIOD))
+    e, e_rate = y - reference.position, v - reference.velocity
+    p = e_rate + controller.k1 * e
+    phi = controller.model_regressors(y, v, reference.acceleration - controller.k1 * e_rate)
+    free = hat - PERIOD * gamma * np.asarray(phi) * float(p)  # Euler's step of (22)
+    adapted = np.asarray(adapted)
+    inside = (system.lower <= free) & (free <= system.upper)
+    assert np.all((system.lower <= adapted) & (adapted <= system.upper))
+    np.testing.assert_allclose(adapted[inside], free[inside], rtol=1e-12, atol=1e-15)
+    apart, unprojected = (np.sum((x - true) ** 2 / gamma) for x in (adapted, free))
+    assert apart <= unprojected * (1 + 1e-12)
 
 
 def test_robust_term_meets_its_two_conditions():

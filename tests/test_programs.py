@@ -23,18 +23,19 @@ def run(arguments: list[str], folder: Path) -> str:
     return result.stdout
 
 
-def test_the_motor_study_runs_and_redrawing_changes_no_byte(tmp_path):
-    """Both in one process, so that the second compiles nothing."""
-    study = f"Study(toy=True, processes=1, out=Path({str(tmp_path)!r}), redraw={{}})"
+def test_the_motor_programs_run_and_redrawing_changes_no_byte(tmp_path):
+    """All in one process, so that only the first search is compiled."""
     program = f"""
 from pathlib import Path
+from experiments.linear_motor import crosscheck
 from experiments.linear_motor.__main__ import Study, configure, main
-if __name__ == "__main__":
-    configure()
-    main({study.format(False)})
-    before = {{path.name: path.read_bytes() for path in Path({str(tmp_path)!r}).iterdir()}}
-    main({study.format(True)})
-    assert {{p.name: p.read_bytes() for p in Path({str(tmp_path)!r}).iterdir()}} == before
+configure()
+out = Path({str(tmp_path)!r})
+main(Study(toy=True, processes=1, out=out))
+crosscheck.main(crosscheck.Crosscheck(toy=True, processes=1, out=out))
+before = {{path.name: path.read_bytes() for path in out.iterdir()}}
+main(Study(toy=True, processes=1, out=out, redraw=True))
+assert {{path.name: path.read_bytes() for path in out.iterdir()}} == before
 """
     script = tmp_path.with_suffix(".py")
     script.write_text(program)
@@ -43,13 +44,14 @@ if __name__ == "__main__":
     assert "Table III" in printed
     sizes = {path.name: path.stat().st_size for path in tmp_path.iterdir()}
     expected = {f"fig{k}.png" for k in range(1, 11)} | {"overview.png"}
-    expected |= {"table1.csv", "table2.csv", "table3.csv", "trajectory_M.csv"}
+    expected |= {"table1.csv", "table2.csv", "table3.csv", "trajectory_M.csv", "crosscheck.csv"}
     assert expected <= set(sizes)
     assert all(size < 200_000 for size in sizes.values())
 
 
 def test_every_program_explains_its_options():
     assert "--redraw" in run(["-m", "experiments.linear_motor", "--help"], ROOT)
+    assert "--toy" in run(["-m", "experiments.linear_motor.crosscheck", "--help"], ROOT)
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,13 @@ import tyro
 from tqdm import tqdm
 
 from experiments.linear_motor import designs, figures, runs, tables
-from experiments.linear_motor.designs import Cell
+from experiments.linear_motor.designs import STUDIED, Cell, trajectory_path
 from jaxid import linear_motor as motor
 from jaxid.design import Effort
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.objective import planned_error
 from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory
-
-STUDIED = ("M", "B", "Fc")
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ def main(study: Study) -> None:
 def search(study: Study) -> None:
     """All designs, each written as soon as it is found."""
     effort = designs.TOY if study.toy else Effort()
-    chains = designs.cells(study.horizons)
+    chains = [*designs.chains(study.horizons), *designs.others()]
     total = sum(map(len, chains))
     found = designs.search(chains, effort, study.seed, study.processes)
     with tqdm(found, "designs", total) as progress:
@@ -86,13 +84,14 @@ def search(study: Study) -> None:
                 if result.cell.target == STUDIED[0]:
                     progress.write(f"N = {result.cell.horizon} is infeasible. {result.reason}")
             else:
-                write_trajectory(trajectory_path(study, result.cell), result.trajectory())
+                write_trajectory(trajectory_path(study.out, result.cell), result.trajectory())
 
 
 def saved_trajectories(study: Study) -> dict[Cell, JerkTrajectory]:
     """What the search has left, read from the files: an infeasible cell has none."""
-    wanted = [cell for chain in designs.cells(study.horizons) for cell in chain]
-    paths = {cell: trajectory_path(study, cell) for cell in wanted}
+    chains = [*designs.chains(study.horizons), *designs.others()]
+    wanted = [cell for chain in chains for cell in chain]
+    paths = {cell: trajectory_path(study.out, cell) for cell in wanted}
     return {cell: read_trajectory(path) for cell, path in paths.items() if path.exists()}
 
 
@@ -152,11 +151,6 @@ def certificates(
     return [
         "\n".join([f"Is (29) a certificate? Random plants, worst Δ, seed {study.seed}.", *lines])
     ]
-
-
-def trajectory_path(study: Study, cell: Cell) -> Path:
-    """Where the motion of a cell is kept."""
-    return study.out / f"trajectory_{cell.target}_N{cell.horizon}.csv"
 
 
 LIMITS_TITLE = (

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from multiprocessing.sharedctypes import Synchronized
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +22,7 @@ from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory, uniform
 
 INFINITY = "infinity"
+STUDIED = ("M", "B", "Fc")
 
 # only shows that everything runs
 TOY = Effort(
@@ -55,16 +57,31 @@ class Found:
         return uniform(motor.boundary().start, jnp.asarray(self.jerk), motor.KNOT_PERIOD)
 
 
-def cells(horizons: tuple[int, ...]) -> list[list[Cell]]:
-    """Chains of cells; in a chain each search starts from the motion of the one before."""
-    names = motor.system().names
-    chains = [[Cell(name, horizon) for horizon in horizons] for name in reversed(names[:3])]
-    return [*chains, [Cell(INFINITY, 30)], [Cell(names[3], 30)]]
+def trajectory_path(folder: Path, cell: Cell) -> Path:
+    """Where the motion of a cell is kept."""
+    return folder / f"trajectory_{cell.target}_N{cell.horizon}.csv"
+
+
+def chains(horizons: tuple[int, ...]) -> list[list[Cell]]:
+    """Table I; in a chain each search starts from the motion of the one before."""
+    return [[Cell(name, horizon) for horizon in horizons] for name in reversed(STUDIED)]
+
+
+def others() -> list[list[Cell]]:
+    """The full ∞ norm, and the offset."""
+    return [[Cell(INFINITY, 30)], [Cell("dbar", 30)]]
 
 
 def search(chains: list[list[Cell]], effort: Effort, seed: int, processes: int) -> Iterator[Found]:
     """The results as they come. They do not depend on how many processes share the work."""
     size = max(cell.intervals for chain in chains for cell in chain)
+    if processes == 1:
+        for chain in chains:
+            found = None
+            for cell in chain:
+                found = _search_cell(cell, found, effort, seed, size)
+                yield found
+        return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes, context, _begin, (context.Value("i", 0),)) as pool:
 

@@ -68,6 +68,25 @@ def table_1(errors: Mapping[Cell, Errors], names: Sequence[str], horizons: Seque
     return Table(TABLE_1, rows)
 
 
+def crosscheck(shipped: Mapping[Cell, float], others: Mapping[str, Mapping[Cell, float]]) -> Table:
+    """J* of the study and of other searches, their spread, and what the study gives away."""
+    rows: list[Row] = []
+    for cell, own in shipped.items():
+        values = {name: found[cell] for name, found in others.items()}
+        lowest, highest = min(values.values()), max(values.values())
+        rows.append(
+            {
+                "parameter": cell.target,
+                "N": cell.horizon,
+                "J_star": own,
+                **values,
+                "spread_percent": 100 * (highest / lowest - 1),
+                "above_best_percent": 100 * (own / min(own, lowest) - 1),
+            }
+        )
+    return Table(tuple(rows[0]), rows)
+
+
 def designs_table(errors: Mapping[Cell, Errors]) -> Table:
     """What every design guarantees for every parameter, its own and the others."""
     rows: list[Row] = []
