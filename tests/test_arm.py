@@ -24,7 +24,9 @@ W = 500.0
 @pytest.mark.usefixtures("quick_compilation")
 def test_from_design_to_identified_interval(key):
     system, limits, boundary = arm.system(), arm.limits(), arm.boundary()
-    effort = Effort(starts=16, generations=0, stages=2, rounds=1, parents=4, polished=1)
+    effort = Effort(
+        starts=16, generations=0, stages=2, rounds=1, variations=16, parents=4, polished=1
+    )
     design = design_motion(system, limits, boundary, "G", 50, arm.KNOT_PERIOD, key, effort=effort)
     trajectory = design.trajectory
     assert worst_excess(limits, boundary, trajectory) <= 0

@@ -26,7 +26,15 @@ STUDIED = ("M", "B", "Fc")
 
 # only shows that everything runs
 TOY = Effort(
-    starts=8, generations=0, stages=2, steps=5, rounds=1, parents=2, polished=1, polish_steps=5
+    starts=8,
+    generations=0,
+    stages=2,
+    steps=5,
+    rounds=1,
+    variations=8,
+    parents=2,
+    polished=1,
+    polish_steps=5,
 )
 
 
