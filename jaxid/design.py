@@ -35,8 +35,8 @@ class Effort(NamedTuple):
         stages: of a descent; each goes on with the better half.
         steps: of gradient descent per stage.
         rounds: of rearranging the best and descending again.
-        variations: motions that are improved together in a round: more rounds of fewer reach
-            further than fewer of more.
+        variations: motions that are improved together in a round. In the same time four rounds of
+            32 reached further than two of 64 or eight of 16.
         parents: how many of the best are rearranged.
         polished: how many of the best are polished by linear programs.
         polish_steps: linear programs per polish and smoothing.

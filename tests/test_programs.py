@@ -49,6 +49,24 @@ assert {{path.name: path.read_bytes() for path in out.iterdir()}} == before
     assert all(size < 200_000 for size in sizes.values())
 
 
+def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):
+    """Which chain goes on with which cell; the motions here are proved not to exist."""
+    program = """
+from experiments.linear_motor.designs import TOY, Cell, search
+from jaxid.runtime import configure
+if __name__ == "__main__":
+    configure()
+    chains = [[Cell("M", 10), Cell("M", 20)], [Cell("B", 20)], [Cell("Fc", 15)]]
+    one, two = (sorted(map(str, search(chains, TOY, 0, count))) for count in (1, 2))
+    assert one == two
+    assert len(one) == 4
+    assert all("shortest that does has 44 intervals" in found for found in one)
+"""
+    script = tmp_path / "program.py"
+    script.write_text(program)
+    run([str(script)], ROOT)
+
+
 def test_every_program_explains_its_options():
     assert "--redraw" in run(["-m", "experiments.linear_motor", "--help"], ROOT)
     assert "--toy" in run(["-m", "experiments.linear_motor.crosscheck", "--help"], ROOT)

@@ -74,7 +74,7 @@ def main(study: Study) -> None:
 def search(study: Study) -> None:
     """All designs, each written as soon as it is found."""
     effort = designs.TOY if study.toy else Effort()
-    chains = [*designs.chains(study.horizons), *designs.others()]
+    chains = designs.study(study.horizons)
     total = sum(map(len, chains))
     found = designs.search(chains, effort, study.seed, study.processes)
     with tqdm(found, "designs", total) as progress:
@@ -89,8 +89,7 @@ def search(study: Study) -> None:
 
 def saved_trajectories(study: Study) -> dict[Cell, JerkTrajectory]:
     """What the search has left, read from the files: an infeasible cell has none."""
-    chains = [*designs.chains(study.horizons), *designs.others()]
-    wanted = [cell for chain in chains for cell in chain]
+    wanted = [cell for chain in designs.study(study.horizons) for cell in chain]
     paths = {cell: trajectory_path(study.out, cell) for cell in wanted}
     return {cell: read_trajectory(path) for cell, path in paths.items() if path.exists()}
 

@@ -70,14 +70,14 @@ def trajectory_path(folder: Path, cell: Cell) -> Path:
     return folder / f"trajectory_{cell.target}_N{cell.horizon}.csv"
 
 
-def chains(horizons: tuple[int, ...]) -> list[list[Cell]]:
-    """Table I; in a chain each search starts from the motion of the one before."""
+def table_1(horizons: tuple[int, ...]) -> list[list[Cell]]:
+    """Chains of cells; in a chain each search starts from the motion of the one before."""
     return [[Cell(name, horizon) for horizon in horizons] for name in reversed(STUDIED)]
 
 
-def others() -> list[list[Cell]]:
-    """The full ∞ norm, and the offset."""
-    return [[Cell(INFINITY, 30)], [Cell("dbar", 30)]]
+def study(horizons: tuple[int, ...]) -> list[list[Cell]]:
+    """Table I, and at one horizon the full ∞ norm and the offset."""
+    return [*table_1(horizons), [Cell(INFINITY, 30)], [Cell("dbar", 30)]]
 
 
 def search(chains: list[list[Cell]], effort: Effort, seed: int, processes: int) -> Iterator[Found]:
