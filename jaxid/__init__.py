@@ -11,24 +11,31 @@ Record, weights on it and an estimate:
 says which room may import from which; it is tested, and so is that nobody imports from below.
 
     checks <- -
-    system <- checks
+    ranges <- -
+    system <- checks, ranges
     trajectory <- checks, system
-    limits <- checks, system, trajectory
+    limits <- checks, ranges, system, trajectory
     feasible <- checks, limits, trajectory
     starts <- feasible
     problem <- limits, system, trajectory
+    admissible <- feasible, problem, system, trajectory
+    axis_conditions <- feasible, limits, ranges, system, trajectory
+    linear_programs <- feasible
     descent <- feasible, problem, system
     dwells <- feasible, limits, problem, system
-    polish <- feasible, problem, system, trajectory
-    design <- descent, dwells, feasible, limits, polish, problem, starts, system, trajectory
+    polish <- admissible, axis_conditions, feasible, linear_programs, problem, system, trajectory
+    design <- admissible, descent, dwells, feasible, limits, polish, problem, starts, system, \
+trajectory
+    refine <- admissible, axis_conditions, feasible, polish, problem, system, trajectory
     record <- system, trajectory
     bound <- checks, record, system
-    objective <- bound, record, system, trajectory
     filters <- record, system
     sensing <- filters, record, system, trajectory
     disturbance <- system
     control <- checks, sensing, system, trajectory
     simulate <- control, disturbance, record, sensing, system, trajectory
+    loop <- control, disturbance, limits, ranges, record, sensing, simulate, system, trajectory
+    objective <- bound, filters, loop, record, simulate, system, trajectory
     excitation <- -
     estimate <- bound, record, system
     experiment <- bound, checks, control, design, estimate, filters, limits, objective, record, \

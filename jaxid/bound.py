@@ -42,12 +42,13 @@ def smooth_worst_case_error(
 ) -> Float[Array, " k"]:
     """`worst_case_error` with √(g² + s²) for |g|, never below it: for gradients, not for bounds.
 
-    Per unit of time s is `smoothing` times the mean |g|.
+    Per unit of time s is `smoothing` times the root mean square of g, which has no kink of its own.
     """
-    density = jnp.sum(jnp.abs(weights), axis=1) / jnp.sum(rows.measure)
-    corner = smoothing * density[:, None] * rows.measure[None, :]
-    # √0 has no derivative; rows of no measure have no weight either
-    square = weights**2 + corner**2
+    measure = rows.measure[None, :]
+    density = weights**2 / jnp.where(measure > 0, measure, 1.0)  # no measure, no weight
+    corner = smoothing**2 * jnp.sum(density, axis=1, keepdims=True) / jnp.sum(measure)
+    # √0 has no derivative
+    square = weights**2 + corner * measure**2
     safe = jnp.where(square > 0, square, 1.0)
     return jnp.sum(jnp.where(square > 0, jnp.sqrt(safe), 0.0) * rows.delta[None, :], axis=1)
 

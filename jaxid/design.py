@@ -12,10 +12,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from jaxid.admissible import inside, walk
 from jaxid.descent import LAST_SMOOTHING, descend
 from jaxid.dwells import evolved
-from jaxid.feasible import MotionSpace, interior, motion_space, trimmed, walk
-from jaxid.limits import Boundary, Limits
+from jaxid.feasible import MotionSpace, motion_space, trimmed
+from jaxid.limits import Boundary, Limits, Prediction
 from jaxid.polish import polish
 from jaxid.problem import Objective, Problem
 from jaxid.starts import grown, random_starts, rearranged
@@ -82,6 +83,7 @@ def design(
     period: float,
     key: PRNGKeyArray,
     *,
+    axis: Prediction | None = None,
     fine: Objective | None = None,
     shorter: JerkTrajectory | None = None,
     effort: Effort = Effort(),
@@ -97,6 +99,8 @@ def design(
         intervals: of constant jerk.
         period: of each interval, s.
         key: for the starts.
+        axis: what the axis does along a motion, if the limits are to hold for it too; called very
+            often, so not a simulation (see `axis_conditions.perfect`, and `refine`).
         fine: the same objective on a finer grid, for the polish and the choice; default the same.
         shorter: a good motion with fewer intervals: some of the starts are longer copies of it.
         effort: how long to search.
@@ -106,8 +110,8 @@ def design(
     Raises:
         InfeasibleError: if no motion of this length keeps the limits.
     """
-    problem = Problem(objective, limits, boundary)
-    inside = interior(limits, boundary, intervals, period, size)
+    problem = Problem(objective, limits, boundary, axis)
+    deep = inside(problem, intervals, period, size)
     space = motion_space(limits, boundary, intervals, period, size)
     first, *keys = jax.random.split(key, effort.rounds + 1)
     report("evolution of dwells")
@@ -123,22 +127,22 @@ def design(
             z = rearranged(keys[k - 1], space, parents, period, fastest, effort.variations)
         report(f"descent {k + 1} of {effort.rounds + 1}")
         z = descend(problem, space, z, effort.stages, effort.steps)
-        found = _admissible(problem, inside, space, z)
+        found = _admissible(problem, deep, space, z)
         pool = found if pool is None else _best(pool, found)
         history.append(float(pool.values[0]))
     assert pool is not None
-    exact = problem if fine is None else Problem(fine, limits, boundary)
-    value, best = _polished(exact, inside, pool, effort, report)
+    exact = problem if fine is None else Problem(fine, limits, boundary, axis)
+    value, best = _polished(exact, deep, pool, effort, report)
     return Design(trimmed(best), value, tuple(history))
 
 
 def _polished(
-    problem: Problem, inside: JerkTrajectory, pool: _Pool, effort: Effort, report: Report
+    problem: Problem, deep: JerkTrajectory, pool: _Pool, effort: Effort, report: Report
 ) -> tuple[float, JerkTrajectory]:
     polished = []
     for k in range(min(effort.polished, pool.values.size)):
         report(f"polish {k + 1} of {effort.polished}")
-        motion = polish(problem, inside, _pick(pool, k), effort.polish_steps)
+        motion = polish(problem, deep, _pick(pool, k), effort.polish_steps)
         reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
         polished.append((float(reached), k, motion))
     value, _, best = min(polished)  # k decides between equals
@@ -174,12 +178,12 @@ def _value(problem: Problem, trajectory: JerkTrajectory, smoothing: float) -> Sc
 
 @eqx.filter_jit
 def _admissible(
-    problem: Problem, inside: JerkTrajectory, space: MotionSpace, z: Float[Array, "starts d"]
+    problem: Problem, deep: JerkTrajectory, space: MotionSpace, z: Float[Array, "starts d"]
 ) -> _Pool:
     """The starts walked back into the limits, best first."""
 
     def one(z: Float[Array, " d"]) -> tuple[JerkTrajectory, Scalar]:
-        found = walk(problem.limits, problem.boundary, inside, space.trajectory(z))
+        found = walk(problem, deep, space.trajectory(z))
         return found, problem.objective(found, jnp.asarray(LAST_SMOOTHING))
 
     return _sorted(_Pool(*jax.vmap(one)(z)))

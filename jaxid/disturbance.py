@@ -61,14 +61,21 @@ class LowSpeedFriction(Disturbance):
         return self.amplitude * jnp.exp(-((velocity / self.speed) ** 2)) * direction
 
 
-class Sum(Disturbance):
-    """Several disturbances at once."""
+class Mixture(Disturbance):
+    """Several disturbances at once, each times a share: what differs between scenarios is data.
+
+    Attributes:
+        parts: k disturbances.
+        shares: of each, shape (k,).
+    """
 
     parts: tuple[Disturbance, ...]
+    shares: Float[Array, " k"] = eqx.field(converter=jnp.asarray)
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
+        values = [part(moment, position, velocity, delta) for part in self.parts]
         return sum(
-            (part(moment, position, velocity, delta) for part in self.parts),
+            (self.shares[k] * value for k, value in enumerate(values)),
             start=jnp.zeros_like(velocity),
         )
 

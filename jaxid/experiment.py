@@ -10,7 +10,7 @@ from jaxid.control import Controller
 from jaxid.design import Design, Effort, Report, design
 from jaxid.estimate import Estimate, least_squares_estimate
 from jaxid.filters import filtered
-from jaxid.limits import Boundary, Limits
+from jaxid.limits import Boundary, Limits, Prediction
 from jaxid.objective import PlannedError
 from jaxid.record import Record
 from jaxid.sensing import Sensor
@@ -36,6 +36,7 @@ def design_motion(
     period: float,
     key: PRNGKeyArray,
     *,
+    axis: Prediction | None = None,
     shorter: JerkTrajectory | None = None,
     effort: Effort = Effort(),
     size: int | None = None,
@@ -51,6 +52,7 @@ def design_motion(
         intervals: of constant jerk (2·N_i in the paper).
         period: of each interval, s.
         key: for the random starts.
+        axis: what the axis does along a motion, if the limits are to hold for it too.
         shorter: a good motion with fewer intervals, to start half of the search from.
         effort: how long to search.
         size: pad to this many intervals, so that several lengths share one compilation.
@@ -70,6 +72,7 @@ def design_motion(
         intervals,
         period,
         key,
+        axis=axis,
         fine=fine,
         shorter=shorter,
         effort=effort,

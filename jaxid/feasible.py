@@ -5,10 +5,8 @@ equalities, and the admissible jerks are a convex set. Everything here follows f
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -177,35 +175,6 @@ def shortest_feasible(
         f"Argument `boundary`: no motion of up to {most} intervals of {period:g} s meets it within "
         "the limits."
     )
-
-
-# half-widths: whoever recomputes the extrema in another order still finds the limits kept
-_ROUNDING = 1e-14
-
-
-@eqx.filter_jit
-def walk(
-    limits: Limits, boundary: Boundary, inside: JerkTrajectory, candidate: JerkTrajectory
-) -> JerkTrajectory:
-    """The last admissible motion on the way from a strictly interior one to `candidate`.
-
-    Exact at all times: the admissible set is convex, so the share of the way is found by bisection
-    of the closed-form extrema, to the last bit.
-    """
-
-    def at(share: Float[Array, ""]) -> JerkTrajectory:
-        mix = inside.jerk + share * (candidate.jerk - inside.jerk)
-        return eqx.tree_at(lambda t: t.jerk, inside, mix)
-
-    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        good, bad = ends
-        middle = (good + bad) / 2
-        kept = worst_excess(limits, boundary, at(middle)) <= -_ROUNDING
-        return jnp.where(kept, middle, good), jnp.where(kept, bad, middle)
-
-    whole = worst_excess(limits, boundary, candidate) <= -_ROUNDING
-    good, _ = jax.lax.fori_loop(0, 60, halve, (jnp.zeros(()), jnp.ones(())))
-    return eqx.tree_at(lambda t: t.jerk, inside, jnp.where(whole, candidate.jerk, at(good).jerk))
 
 
 def inequalities(limits: Limits, boundary: Boundary, intervals: int, period: float) -> Inequalities:

@@ -1,14 +1,21 @@
 """What a motion must respect: limits (4), the acceleration limit (18), boundary and via points."""
 
+import abc
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid.checks import is_concrete, require, require_interval
+from jaxid.ranges import Range
 from jaxid.system import Ends, Interval, Motion, Scalar, System, as_interval
-from jaxid.trajectory import JerkTrajectory
+from jaxid.trajectory import JerkTrajectory, States
+
+
+def _as_interval_or_none(ends: Ends | None) -> Interval | None:
+    return None if ends is None else as_interval(ends)
 
 
 class Limits(eqx.Module):
@@ -20,6 +27,8 @@ class Limits(eqx.Module):
         acceleration: m/s² or rad/s²; zero lies inside. See `acceleration_limit`.
         jerk: m/s³ or rad/s³; zero lies inside.
         input: in the system's input unit; zero lies inside.
+        input_rate: in the input unit per s, what the amplifier follows; None, the default, is
+            no limit.
     """
 
     position: Interval = eqx.field(converter=as_interval)
@@ -27,13 +36,15 @@ class Limits(eqx.Module):
     acceleration: Interval = eqx.field(converter=as_interval)
     jerk: Interval = eqx.field(converter=as_interval)
     input: Interval = eqx.field(converter=as_interval)
+    input_rate: Interval | None = eqx.field(converter=_as_interval_or_none, default=None)
 
     def __check_init__(self) -> None:
-        for name in ("position", "velocity", "acceleration", "jerk", "input"):
-            require_interval(name, getattr(self, name))
-        for name in ("velocity", "acceleration", "jerk", "input"):
+        for name in ("position", "velocity", "acceleration", "jerk", "input", "input_rate"):
             interval = getattr(self, name)
-            if is_concrete(interval):
+            if interval is None:
+                continue
+            require_interval(name, interval)
+            if name != "position" and is_concrete(interval):
                 require(
                     float(interval[0]) < 0 < float(interval[1]),
                     f"Argument `{name}` must have zero inside, so that the axis can rest, but is "
@@ -112,6 +123,44 @@ def acceleration_limit_euclidean(
     )
 
 
+def acceleration_reach(system: System, position: Ends, velocity: Ends, input: Ends) -> Interval:
+    """The accelerations that `input_demand` leaves at the state that needs the least for the rest.
+
+    For the motor 51.9 m/s²: friction may be zero, and the offset and δ may not help.
+    """
+    box = (Range(*as_interval(position)), Range(*as_interval(velocity)))
+    needs = system.disturbance_bound.range(*box).lower
+    spans = [term.regressor.range(*box) for term in system.terms if term.regressor is not None]
+    up, down = needs, needs
+    for term, span in zip(system.terms[1:], spans, strict=True):
+        up = up + _least_peak(term.interval, span)
+        down = down + _least_peak(-term.interval[::-1], span)
+    low, high = as_interval(input)
+    return jnp.stack([low + down, high - up]) / system.upper[0]
+
+
+def _least_peak(interval: Interval, span: Range) -> Scalar:
+    """The least of max θf over f in a range, θ being the worst in its interval: convex in f."""
+    f = jnp.stack([span.lower, span.upper, jnp.clip(0.0, span.lower, span.upper)])
+    return jnp.min(jnp.maximum(f * interval[0], f * interval[1]))
+
+
+def input_demand(system: System, states: States) -> Range:
+    """All inputs that the motion itself may ask for: φᵀθ + Δ over θ ∈ Ω_θ and |Δ| ≤ δ.
+
+    The input limit itself, where (18) is one number for all motions: friction helps to brake. What
+    feedback adds is left out.
+    """
+    phi = system.regressors(*states)
+    ends = [term.interval for term in system.terms]
+    sides = [(f * low, f * high) for f, (low, high) in zip(phi, ends, strict=True)]
+    delta = system.disturbance_bound(states.position, states.velocity)
+    return Range(
+        sum((jnp.minimum(*side) for side in sides), start=-delta),
+        sum((jnp.maximum(*side) for side in sides), start=delta),
+    )
+
+
 def _peak_parameters(system: System) -> Float[Array, " m"]:
     return jnp.maximum(jnp.abs(system.lower), jnp.abs(system.upper))
 
@@ -164,6 +213,45 @@ def worst_excess(limits: Limits, boundary: Boundary, trajectory: JerkTrajectory)
     intervals = (*limits.motion, limits.jerk)
     sides = [_beyond(x, interval) for x, interval in zip(values, intervals, strict=True)]
     return jnp.max(jnp.concatenate([*sides, _via_excess(limits, boundary, trajectory)]))
+
+
+class Envelope(NamedTuple):
+    """What the axis itself may do along a motion: ranges over plants and repeats, tick by tick.
+
+    Attributes:
+        position: during each tick.
+        velocity: during each tick.
+        input: commanded at each tick.
+        input_rate: from one tick to the next, in the input unit per s.
+    """
+
+    position: Range
+    velocity: Range
+    input: Range
+    input_rate: Range
+
+
+class Prediction(eqx.Module):
+    """What the axis will do along a motion: sampled or proved, as the implementation says."""
+
+    @property
+    @abc.abstractmethod
+    def system(self) -> System:
+        """The model, for what a motion asks of the input."""
+
+    @abc.abstractmethod
+    def __call__(self, trajectory: JerkTrajectory) -> Envelope:
+        """The envelope of the axis, tick by tick of the motion."""
+
+
+def axis_excess(limits: Limits, envelope: Envelope) -> tuple[Float[Array, "..."], ...]:
+    """How far the axis is beyond its limits, in half-widths: position, velocity, input and rate."""
+    intervals = (limits.position, limits.velocity, limits.input, limits.input_rate)
+    return tuple(
+        jnp.maximum(_beyond(values.lower, interval), _beyond(values.upper, interval))
+        for values, interval in zip(envelope, intervals, strict=True)
+        if interval is not None
+    )
 
 
 def _beyond(values: Motion, interval: Interval) -> Motion:

@@ -28,7 +28,7 @@ What the paper leaves open is marked "chosen" below.
 import jax.numpy as jnp
 
 from jaxid.control import ARC
-from jaxid.disturbance import Cogging, LowSpeedFriction, Sum
+from jaxid.disturbance import Cogging, LowSpeedFriction, Mixture
 from jaxid.limits import (
     Boundary,
     Limits,
@@ -44,6 +44,7 @@ HORIZONS = (20, 30, 40, 50, 60)  # N_i; one motion lasts 2·N_i·T
 CONTROL_PERIOD = 0.0002  # s, zero-order hold; chosen
 ENCODER_RESOLUTION = 0.5e-6  # m
 BANDWIDTH = 1000.0  # rad/s, the w of H_f
+INPUT_RATE = (-10_000.0, 10_000.0)  # V/s; chosen: an amplifier that swings 10 V in 1 ms
 OPEN_LOOP_AMPLITUDES = (0.3, 0.5)  # V
 
 # Chosen: tracks within 0.1 mm at 0.2 ms without chatter. At ε = 1 the bound of Theorem 4 is so wide
@@ -83,6 +84,7 @@ def limits() -> Limits:
         acceleration=acceleration_limit(system(), position, velocity, input),
         jerk=(-1000.0, 1000.0),
         input=input,
+        input_rate=INPUT_RATE,
     )
 
 
@@ -106,4 +108,4 @@ def plant() -> Plant:
     """
     cogging = Cogging(pitch=0.06, harmonics=[1.0, 3.0], amplitudes=[0.05, 0.02])
     friction = LowSpeedFriction(amplitude=0.12, speed=0.03)
-    return Plant(system(), TRUE_PARAMETERS, Sum((cogging, friction)))
+    return Plant(system(), TRUE_PARAMETERS, Mixture((cogging, friction), [1.0, 1.0]))

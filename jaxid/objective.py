@@ -1,6 +1,13 @@
-"""What a design minimises: scalar functions of a motion and of how far corners are rounded."""
+"""What a design minimises: scalar functions of a motion and of how far corners are rounded.
+
+Each is the log of a worst-case least-squares error J, on the desired motion itself (16), on what a
+filter leaves of it, or on what the closed loop makes of it (29).
+"""
+
+from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -10,9 +17,14 @@ from jaxid.bound import (
     smooth_worst_case_error,
     worst_case_error,
 )
-from jaxid.record import rows_of
+from jaxid.filters import filtered
+from jaxid.loop import Loop, Scenarios
+from jaxid.record import Record, rows_of
+from jaxid.simulate import Plant
 from jaxid.system import Scalar, System, softened
 from jaxid.trajectory import JerkTrajectory
+
+Criterion = Callable[[Record, Scalar], Scalar]
 
 
 class PlannedError(eqx.Module):
@@ -41,6 +53,98 @@ class PlannedError(eqx.Module):
         rows = rows_of(softened(self.system, smoothing * self.speed + step), states, weights)
         errors = smooth_worst_case_error(least_squares(rows, self.norm), rows, 2 * smoothing)
         return jnp.log(jnp.max(errors))
+
+
+class FilteredError(eqx.Module):
+    """log J_f of (29), a criterion on records: the worst-case error after H_f.
+
+    Attributes:
+        norm: which error counts.
+        bandwidth: w of H_f in rad/s.
+        period: of the record's ticks, s.
+    """
+
+    norm: Norm
+    bandwidth: Scalar = eqx.field(converter=jnp.asarray)
+    period: Scalar = eqx.field(converter=jnp.asarray)
+
+    def __call__(self, record: Record, smoothing: Scalar) -> Scalar:
+        """Its corners rounded by twice the smoothing, as those of `PlannedError`."""
+        rows = filtered(record, self.bandwidth, self.period).rows
+        errors = smooth_worst_case_error(least_squares(rows, self.norm), rows, 2 * smoothing)
+        return jnp.log(jnp.max(errors))
+
+
+class PerfectTracking(eqx.Module):
+    """A criterion on the record of an axis that follows its reference exactly.
+
+    Attributes:
+        system: with its δ and regressors.
+        criterion: of the record.
+        speed: over which jumps are spread at smoothing 1, m/s or rad/s.
+        period: of the record's ticks, s.
+        ticks: of one motion.
+        repeats: how many times it is run, back to back, from rest.
+    """
+
+    system: System
+    criterion: Criterion
+    speed: Scalar = eqx.field(converter=jnp.asarray)
+    period: Scalar = eqx.field(converter=jnp.asarray)
+    ticks: int = eqx.field(static=True)
+    repeats: int = eqx.field(static=True, default=1)
+
+    def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
+        """The motion half-way through each tick stands for the tick: no input, no disturbance."""
+        states = trajectory.states((jnp.arange(self.ticks) + 0.5) * self.period)
+        step = jnp.abs(states.acceleration) * self.period / 2
+        measure = jnp.full(self.ticks, self.period)
+        rows = rows_of(softened(self.system, smoothing * self.speed + step), states, measure)
+        rows = jax.tree.map(lambda x: jnp.tile(x, self.repeats), rows)
+        return self.criterion(Record(rows, jnp.zeros_like(rows.delta), None), smoothing)
+
+
+class ThroughLoop(eqx.Module):
+    """A criterion on the records that the closed loop leaves, over several plants.
+
+    Any scalar function of a Record will do as the criterion. It is differentiated through filter,
+    plant, controller and sensor.
+
+    Attributes:
+        loop: controller and sensor; an `IdealSensor`, since steps of an encoder have no slope.
+        scenarios: the plants; one is enough for the nominal case.
+        criterion: of each record; the log of an error.
+        speed: over which jumps are spread at smoothing 1, m/s or rad/s.
+        blend: over which they are spread at any smoothing but zero, m/s or rad/s: about the change
+            of speed in one tick, so that the slope sees a jump before a tick has crossed it.
+        worst: over the scenarios, or their mean.
+    """
+
+    loop: Loop
+    scenarios: Scenarios
+    criterion: Criterion
+    speed: Scalar = eqx.field(converter=jnp.asarray)
+    blend: Scalar = eqx.field(converter=jnp.asarray)
+    worst: bool = eqx.field(static=True, default=True)
+
+    def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
+        """The worst, rounded by half the smoothing and never below the exact one, or the mean."""
+        values = self.each(trajectory, smoothing)
+        if not self.worst:
+            return jnp.mean(values)
+        corner = jnp.where(smoothing > 0, smoothing / 2, 1.0)
+        rounded = corner * jax.scipy.special.logsumexp(values / corner)
+        return jnp.where(smoothing > 0, rounded, jnp.max(values))
+
+    def each(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " k"]:
+        """The criterion for every plant."""
+        blend = smoothing * self.speed + jnp.where(smoothing > 0, self.blend, 0.0)
+        loop, scenarios = softened((self.loop, self.scenarios), blend)
+
+        def one(plant: Plant) -> Scalar:
+            return self.criterion(loop(plant, trajectory)[0], smoothing)
+
+        return scenarios.map(one)
 
 
 @eqx.filter_jit

@@ -4,16 +4,18 @@ Limits and via points are linear in the jerk, so only the objective is linearise
 admissible, and only improvements are accepted.
 """
 
-from typing import NamedTuple
+import dataclasses
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
-from scipy.optimize import linprog
+from jaxtyping import Array, Float
 
-from jaxid.feasible import Inequalities, inequalities, walk
+from jaxid.admissible import ROUNDING, stepped_back, walk
+from jaxid.axis_conditions import axis_conditions, frozen
+from jaxid.feasible import Inequalities, inequalities, trimmed
+from jaxid.linear_programs import Point, Vector, linear_step
 from jaxid.problem import Objective, Problem
 from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
@@ -21,19 +23,7 @@ from jaxid.trajectory import JerkTrajectory
 # Of the objective, one after the other: without the first the programs stall on corners earlier
 # (0.1 % of the motor's J), and after the second the rounded J is within 0.02 % of the exact one.
 SMOOTHINGS = (0.0006, 0.0001)
-
-
-_NEAR = 0.03  # half-widths of a limit
-_CUTS = 8  # rounds of adding broken conditions
-
-Vector = Float[np.ndarray, " n"]
-Mask = Bool[np.ndarray, " rows"]
-
-
-class _Point(NamedTuple):
-    jerk: Float[np.ndarray, " n"]
-    value: float
-    slope: Float[np.ndarray, " n"]
+_SPARE = 1e-6  # half-widths that a repair leaves, for what the linearised conditions do not see
 
 
 def polish(
@@ -47,28 +37,34 @@ def polish(
         start: an admissible motion; padding (intervals of no duration) is left alone.
         steps: the most linear programs to solve per smoothing.
     """
-    active = int(np.count_nonzero(np.asarray(start.durations)))
-    limits, boundary = problem.limits, problem.boundary
-    conditions = inequalities(limits, boundary, active, float(start.durations[0]))
     found = start
     for smoothing in SMOOTHINGS:
-        found = _descend(problem.objective, conditions, found, smoothing, steps)
-        found = walk(limits, boundary, inside, found)
+        found = _descend(problem, inside, found, smoothing, steps)
+        if problem.axis is None:
+            found = walk(problem, inside, found)
     return found
 
 
 def _descend(
-    objective: Objective, c: Inequalities, start: JerkTrajectory, smoothing: float, steps: int
+    problem: Problem, inside: JerkTrajectory, start: JerkTrajectory, smoothing: float, steps: int
 ) -> JerkTrajectory:
-    def evaluate(x: Float[np.ndarray, " n"]) -> _Point:
-        jerk = start.jerk.at[: x.size].set(x * c.unit)
-        value, slope = _value_and_slope(objective, _with_jerk(start, jerk), jnp.asarray(smoothing))
-        return _Point(x, float(value), np.asarray(slope)[: x.size] * c.unit)
+    planned = _planned(problem, start)
+    active = planned.rows.shape[1]
 
-    at = evaluate(np.asarray(start.jerk)[: c.rows.shape[1]] / c.unit)
+    def motion(x: Vector) -> JerkTrajectory:
+        return _with_jerk(start, start.jerk.at[:active].set(x * planned.unit))
+
+    def evaluate(x: Vector) -> Point:
+        found = motion(x)
+        if problem.axis is not None:
+            found = stepped_back(problem, inside, found)
+        return _point(problem.objective, found, smoothing, planned)
+
+    at = evaluate(np.asarray(start.jerk)[:active] / planned.unit)
+    conditions = _around(problem, planned, motion(at.jerk))
     radius = 0.01
     for _ in range(steps):
-        move = _linear_step(c, at, radius)
+        move = linear_step(conditions, at, radius)
         promised = -float(at.slope @ move)
         if promised < 1e-8 or radius < 1e-6:
             break
@@ -77,58 +73,49 @@ def _descend(
         radius *= 2.0 if kept > 0.75 else 0.4 if kept < 0.25 else 1.0
         if trial.value < at.value:
             at = trial
-    return _with_jerk(start, start.jerk.at[: at.jerk.size].set(at.jerk * c.unit))
+            conditions = _around(problem, planned, motion(at.jerk))
+    return motion(at.jerk)
 
 
-def _linear_step(c: Inequalities, at: _Point, radius: float) -> Vector:
-    """The best move within the trust region and all conditions; zero if none is found.
+def repaired(problem: Problem, inside: JerkTrajectory, start: JerkTrajectory) -> JerkTrajectory:
+    """An admissible motion near to one that leaves the limits of the axis, by linear programs.
 
-    Conditions that the motion is near to are imposed, then those that the move turns out to break:
-    with all of them from the beginning the programs take three times longer.
+    The smallest trust region that reaches the limits, and in it the best for the objective.
     """
-    here = c.rows @ at.jerk
-    up = ~c.fixed & (here > c.upper - _NEAR)
-    down = ~c.fixed & (here < c.lower + _NEAR)
-    move = np.zeros_like(at.jerk)
-    for _ in range(_CUTS):
-        move = _solve(c, at, here, up, down, radius)
-        there = here + c.rows @ move
-        above, below = (there > c.upper + 1e-9) & ~up, (there < c.lower - 1e-9) & ~down
-        above, below = above & ~c.fixed, below & ~c.fixed
-        if not (above.any() or below.any()):
+    planned, found = _planned(problem, start), start
+    for _ in range(5):
+        if problem.axis is None or float(problem.violation(found)) <= -ROUNDING:
             break
-        up, down = up | above, down | below
-    # the solver meets the end conditions to 1e-7, which would add up from step to step
-    ends = c.rows[c.fixed]
-    return move - np.linalg.pinv(ends) @ (ends @ move)
+        c = _around(problem, planned, found)
+        c = dataclasses.replace(c, upper=np.where(c.fixed, c.upper, c.upper - _SPARE))
+        at = _point(problem.objective, found, SMOOTHINGS[0], planned)
+        moves = (linear_step(c, at, radius) for radius in 0.002 * 2.0 ** np.arange(10))
+        move = next((move for move in moves if np.any(move)), np.zeros_like(at.jerk))
+        found = _with_jerk(found, jnp.asarray((at.jerk + move) * planned.unit))
+    return stepped_back(problem, inside, found)
 
 
-def _solve(
-    c: Inequalities,
-    at: _Point,
-    here: Float[np.ndarray, " rows"],
-    up: Mask,
-    down: Mask,
-    radius: float,
-) -> Vector:
-    low, high = c.jerk / c.unit
-    # what rounding left 1e-17 outside a limit must not make the program infeasible
-    solution = linprog(
-        at.slope,
-        A_ub=np.vstack([c.rows[up], -c.rows[down]]),
-        b_ub=np.maximum(np.concatenate([c.upper[up] - here[up], here[down] - c.lower[down]]), 0.0),
-        A_eq=c.rows[c.fixed],
-        b_eq=np.zeros(int(np.sum(c.fixed))),
-        bounds=list(
-            zip(
-                np.minimum(np.maximum(low - at.jerk, -radius), 0.0),
-                np.maximum(np.minimum(high - at.jerk, radius), 0.0),
-                strict=True,
-            )
-        ),
-        method="highs",
-    )
-    return np.zeros_like(at.jerk) if solution.x is None else solution.x
+def _planned(problem: Problem, trajectory: JerkTrajectory) -> Inequalities:
+    active = int(np.count_nonzero(np.asarray(trajectory.durations)))
+    period = float(trajectory.durations[0])
+    return inequalities(problem.limits, problem.boundary, active, period)
+
+
+def _point(
+    objective: Objective, trajectory: JerkTrajectory, smoothing: float, planned: Inequalities
+) -> Point:
+    value, slope = _value_and_slope(objective, trajectory, jnp.asarray(smoothing))
+    active = planned.rows.shape[1]
+    jerk = np.asarray(trajectory.jerk)[:active] / planned.unit
+    return Point(jerk, float(value), np.asarray(slope)[:active] * planned.unit)
+
+
+def _around(problem: Problem, planned: Inequalities, trajectory: JerkTrajectory) -> Inequalities:
+    if problem.axis is None:
+        return planned
+    motion = trimmed(trajectory)
+    still = frozen(problem.axis, problem.limits, motion)
+    return axis_conditions(planned, problem.limits, still, motion)
 
 
 def _with_jerk(trajectory: JerkTrajectory, jerk: Float[Array, " n"]) -> JerkTrajectory:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxid.limits import Boundary, Limits, excess
+from jaxid.limits import Boundary, Limits, Prediction, axis_excess, excess, worst_excess
 from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
 
@@ -23,15 +23,32 @@ class Problem(eqx.Module):
         objective: of a trajectory and a smoothing.
         limits: c ≤ 0 for each entry of `excess`, in half-widths.
         boundary: its inequalities count as well; its equalities are built into the motions.
+        axis: what the axis does along a motion, if the limits are to hold for it too.
     """
 
     objective: Objective
     limits: Limits
     boundary: Boundary
+    axis: Prediction | None = None
 
     def excess(self, trajectory: JerkTrajectory) -> Multipliers:
         """How far each condition is exceeded, in half-widths."""
-        return excess(self.limits, self.boundary, trajectory)
+        planned = excess(self.limits, self.boundary, trajectory)
+        if self.axis is None:
+            return planned
+        return (*planned, *axis_excess(self.limits, self.axis(trajectory)))
+
+    @eqx.filter_jit
+    def violation(self, trajectory: JerkTrajectory) -> Scalar:
+        """The largest violation, in half-widths: of the motion at all times, of the axis by ticks.
+
+        What is no number counts as beyond all limits.
+        """
+        worst = worst_excess(self.limits, self.boundary, trajectory)
+        if self.axis is not None:
+            sides = axis_excess(self.limits, self.axis(trajectory))
+            worst = jnp.maximum(worst, jnp.max(jnp.stack([jnp.max(side) for side in sides])))
+        return jnp.nan_to_num(worst, nan=jnp.inf)
 
     def pushed(
         self, trajectory: JerkTrajectory, multipliers: Multipliers, penalty: Scalar

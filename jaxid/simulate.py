@@ -2,6 +2,7 @@
 
 import functools
 import operator
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -31,20 +32,20 @@ class Plant(eqx.Module):
 
 
 class Signals(NamedTuple):
-    """What happened, to look at. Arrays of n ticks; position and velocity have one instant more.
+    """What happened, to look at. Arrays of n ticks, but for the states of the axis.
 
     Attributes:
-        time: of the ticks and of the end, s.
-        position: true.
-        velocity: true.
+        time: of the start and of the end of every Runge-Kutta step, s.
+        position: true, at these times.
+        velocity: true, at these times.
         input: as commanded; it is not clipped, a limit exceeded is a violation to report.
         reference: desired states at the ticks.
         controller: the controller's state after each tick.
     """
 
-    time: Float[Array, " n+1"]
-    position: Float[Array, " n+1"]
-    velocity: Float[Array, " n+1"]
+    time: Float[Array, " steps+1"]
+    position: Float[Array, " steps+1"]
+    velocity: Float[Array, " steps+1"]
     input: Float[Array, " n"]
     reference: States
     controller: Any
@@ -58,8 +59,8 @@ class _Carry(NamedTuple):
 
 
 class _Tick(NamedTuple):
-    position: Scalar
-    velocity: Scalar
+    positions: tuple[Scalar, ...]
+    velocities: tuple[Scalar, ...]
     input: Scalar
     means: tuple[Scalar, ...]
     controller: Any
@@ -96,8 +97,8 @@ def simulate(
         measured, memory = sensor.read(carry.sensor, y, v, period)
         u, state = controller.step(carry.controller, desired, measured, period)
         moment = Moment(index, index * period, y - desired.position, v - desired.velocity)
-        y, v, means = _hold(plant, moment, y, v, u, period, substeps)
-        return _Carry(y, v, memory, state), _Tick(y, v, u, means, state)
+        ys, vs, means = _hold(plant, moment, y, v, u, period, substeps)
+        return _Carry(ys[-1], vs[-1], memory, state), _Tick(ys, vs, u, means, state)
 
     start = reference.position[0]
     carry = _Carry(start, jnp.zeros_like(start), sensor.initial(start), controller.initial())
@@ -106,9 +107,9 @@ def simulate(
     measure = jnp.full(ticks, period)
     record = Record(Rows(tuple(regressors), delta, measure), after.input, disturbance)
     signals = Signals(
-        jnp.arange(ticks + 1) * period,
-        jnp.append(start, after.position),
-        jnp.append(0.0, after.velocity),
+        jnp.arange(ticks * substeps + 1) * (period / substeps),
+        jnp.append(start, jnp.stack(after.positions, axis=-1)),
+        jnp.append(0.0, jnp.stack(after.velocities, axis=-1)),
         after.input,
         reference,
         after.controller,
@@ -124,15 +125,18 @@ def _hold(
     u: Scalar,
     period: Scalar,
     substeps: int,
-) -> tuple[Scalar, Scalar, tuple[Scalar, ...]]:
-    """One tick under a constant input: the state after it, and the means of φ, δ, Δ over it."""
+) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...], tuple[Scalar, ...]]:
+    """One tick under a constant input: states after every step, and the means of φ, δ, Δ."""
     step = period / substeps
-    sums: tuple[Scalar, ...] = ()
+    ys, vs, steps = [], [], []
     for k in range(substeps):
         start = moment._replace(time=moment.time + k * step)
         y, v, means = _runge_kutta(plant, start, y, v, u, step)
-        sums = means if k == 0 else tuple(a + b for a, b in zip(sums, means, strict=True))
-    return y, v, tuple(total / substeps for total in sums)
+        ys.append(y)
+        vs.append(v)
+        steps.append(means)
+    means = tuple(_total(column) / substeps for column in zip(*steps, strict=True))
+    return tuple(ys), tuple(vs), means
 
 
 def _runge_kutta(
@@ -159,7 +163,10 @@ def _rows(plant: Plant, moment: Moment, y: Scalar, v: Scalar, u: Scalar) -> tupl
     return (*plant.system.regressors(y, v, acceleration), delta, disturbance)
 
 
-def _weighted(values: Any) -> Scalar:
-    return functools.reduce(
-        operator.add, (b * value for b, value in zip(_WEIGHTS, values, strict=True))
-    )
+def _weighted(values: Sequence[Scalar]) -> Scalar:
+    return _total([b * value for b, value in zip(_WEIGHTS, values, strict=True)])
+
+
+def _total(values: Sequence[Scalar]) -> Scalar:
+    # not `sum`, whose 0 to begin with would leave one operation more in every tick
+    return functools.reduce(operator.add, values)

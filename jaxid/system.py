@@ -10,7 +10,7 @@ has the other sign; the bound is symmetric, so nothing depends on that.
 
 import abc
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, TypeVar
 
 import equinox as eqx
 import jax
@@ -18,10 +18,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid.checks import is_concrete, require, require_interval
+from jaxid.ranges import Range, exactly, hull, size
 
 Scalar = Float[Array, ""]
 Motion = Float[Array, "*shape"]
 Interval = Float[Array, "2"]
+Tree = TypeVar("Tree")
 Ends = Sequence[float] | Float[Array, "2"]
 
 
@@ -50,7 +52,11 @@ class Regressor(eqx.Module):
 
     @abc.abstractmethod
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
-        """An upper bound of |f| while position and velocity stay in their intervals."""
+        """An upper bound of |f| while position and velocity stay in their intervals, for (18)."""
+
+    @abc.abstractmethod
+    def range(self, position: Range, velocity: Range) -> Range:
+        """All values of f while position and velocity stay in their ranges; wider is allowed."""
 
 
 class Viscous(Regressor):
@@ -61,6 +67,9 @@ class Viscous(Regressor):
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
         return jnp.max(jnp.abs(velocity))
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        return velocity
 
 
 class Coulomb(Regressor, Kinked):
@@ -82,6 +91,9 @@ class Coulomb(Regressor, Kinked):
         # "always between -1 and 1", as the paper puts it; the sign itself in the limit β → ∞
         return jnp.ones(())
 
+    def range(self, position: Range, velocity: Range) -> Range:
+        return Range(*(self(x, v) for x, v in zip(position, velocity, strict=True)))  # monotone
+
     def softened(self, speed: Motion) -> "Coulomb":
         return Coulomb(self.beta, self.blend + speed)
 
@@ -95,6 +107,9 @@ class Constant(Regressor):
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
         return jnp.ones(())
 
+    def range(self, position: Range, velocity: Range) -> Range:
+        return exactly(jnp.ones_like(velocity.lower))
+
 
 class Sine(Regressor):
     """f = sin(y + phase): gravity on a joint (y in rad; phase = π/2 makes it a cosine)."""
@@ -107,6 +122,12 @@ class Sine(Regressor):
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
         return jnp.ones(())
 
+    def range(self, position: Range, velocity: Range) -> Range:
+        low, high = (x + self.phase for x in position)
+        ends = hull(exactly(jnp.sin(low)), exactly(jnp.sin(high)))
+        crest, trough = (_holds_multiple(low - x, high - x) for x in (jnp.pi / 2, -jnp.pi / 2))
+        return Range(jnp.where(trough, -1.0, ends.lower), jnp.where(crest, 1.0, ends.upper))
+
 
 class DisturbanceBound(eqx.Module):
     """δ(y, ẏ) > 0 with |Δ| ≤ δ, in the unit of the input (3)."""
@@ -114,6 +135,10 @@ class DisturbanceBound(eqx.Module):
     @abc.abstractmethod
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         """δ at each pair of position and velocity."""
+
+    @abc.abstractmethod
+    def range(self, position: Range, velocity: Range) -> Range:
+        """All values of δ while position and velocity stay in their ranges; wider is allowed."""
 
 
 class ConstantBound(DisturbanceBound):
@@ -126,6 +151,9 @@ class ConstantBound(DisturbanceBound):
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return self.level * jnp.ones_like(velocity)
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        return exactly(self(position.lower, velocity.lower))
 
 
 class SpeedBand(DisturbanceBound, Kinked):
@@ -149,6 +177,10 @@ class SpeedBand(DisturbanceBound, Kinked):
         width = jnp.where(self.blend > 0, self.blend, 1.0)  # keeps the unused branch finite
         share = jnp.where(self.blend > 0, jax.nn.sigmoid(below / width), below >= 0)
         return self.fast + (self.slow - self.fast) * share
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        # monotone in |ẏ|
+        return hull(*(exactly(self(position.lower, speed)) for speed in size(velocity)))
 
     def softened(self, speed: Motion) -> "SpeedBand":
         return SpeedBand(self.slow, self.fast, self.threshold, self.blend + speed)
@@ -260,11 +292,11 @@ class System(eqx.Module):
         return (load - dot(self.forces(position, velocity), theta[1:])) / theta[0]
 
 
-def softened(system: System, speed: Motion) -> System:
-    """The system with every jump in it spread over about `speed`: for searches, not for bounds."""
+def softened(tree: Tree, speed: Motion) -> Tree:
+    """A system, or what holds one, with every jump spread over about `speed`: not for bounds."""
     return jax.tree.map(
         lambda node: node.softened(speed) if isinstance(node, Kinked) else node,
-        system,
+        tree,
         is_leaf=lambda node: isinstance(node, Kinked),
     )
 
@@ -275,6 +307,11 @@ def dot(columns: Sequence[Motion], theta: Float[Array, " m"]) -> Motion:
     for j, column in enumerate(columns[1:], start=1):
         total = total + column * theta[j]
     return total
+
+
+def _holds_multiple(low: Motion, high: Motion) -> Array:
+    """Whether a multiple of 2π lies between."""
+    return jnp.ceil(low / (2 * jnp.pi)) <= jnp.floor(high / (2 * jnp.pi))
 
 
 def _require_positive(name: str, value: Scalar) -> None:

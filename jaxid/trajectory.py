@@ -112,7 +112,9 @@ def ticks(trajectory: JerkTrajectory, period: float) -> int:
     return round(exact)
 
 
-def reference(trajectory: JerkTrajectory, period: float, ticks: int, repeats: int = 1) -> States:
+def reference(
+    trajectory: JerkTrajectory, period: Scalar | float, ticks: int, repeats: int = 1
+) -> States:
     """The states at every controller tick of the motion repeated back to back, as in Section III.
 
     Args:

@@ -129,6 +129,21 @@ def test_rounded_errors_are_never_below_the_exact_ones(seed, smoothing):
     assert jnp.all(rounded <= exact * (1 + 20 * smoothing))
 
 
+def test_the_rounded_error_has_no_kink_where_a_weight_crosses_zero():
+    """A line through points: the slope's weight of the middle one changes its sign.
+
+    Second differences of a smooth function shrink with the square of the step.
+    """
+
+    def error(middle):
+        abscissa = jnp.linspace(-1.0, 1.0, 5).at[2].set(middle)
+        rows = Rows((jnp.ones(5), abscissa), jnp.ones(5), jnp.ones(5))
+        return smooth_worst_case_error(least_squares(rows), rows, jnp.asarray(0.1))[1]
+
+    bends = [abs(error(h) - 2 * error(0.0) + error(-h)) for h in (1e-2, 1e-3)]
+    assert bends[1] < 0.02 * bends[0]
+
+
 def test_a_row_without_weight_leaves_no_nan_in_the_gradient():
     rows = random_rows(0)
     silent = Rows(rows.columns, rows.delta, rows.measure.at[:5].set(0.0))

@@ -7,19 +7,28 @@ from hypothesis import strategies as st
 
 from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
+from jaxid.admissible import walk
 from jaxid.feasible import (
     InfeasibleError,
     interior,
     motion_space,
     responses,
     shortest_feasible,
-    walk,
 )
 from jaxid.files import read_table
 from jaxid.limits import worst_excess
+from jaxid.problem import Problem
 from jaxid.trajectory import uniform
 
 T = motor.KNOT_PERIOD
+
+
+def no_objective(trajectory, smoothing):
+    return 0.0
+
+
+def planned(limits, boundary) -> Problem:
+    return Problem(no_objective, limits, boundary)
 
 
 def test_horizon_20_is_proved_infeasible_and_22_is_the_shortest():
@@ -77,7 +86,7 @@ def test_walking_back_always_ends_inside_all_limits(seed, size):
     space = motion_space(limits, boundary, 60, T)
     inside = interior(limits, boundary, 60, T)
     z = size * jax.random.normal(jax.random.key(seed), (space.basis.shape[1],))
-    found = walk(limits, boundary, inside, space.trajectory(z))
+    found = walk(planned(limits, boundary), inside, space.trajectory(z))
     assert worst_excess(limits, boundary, found) <= 0
     assert ends_missed(motor, found) < 1e-11
     # and it goes as far as it can: a little farther is outside
@@ -88,7 +97,8 @@ def test_walking_back_always_ends_inside_all_limits(seed, size):
 def test_an_admissible_candidate_is_left_alone():
     limits, boundary = motor.limits(), motor.boundary()
     inside = interior(limits, boundary, 60, T)
-    np.testing.assert_array_equal(walk(limits, boundary, inside, inside).jerk, inside.jerk)
+    found = walk(planned(limits, boundary), inside, inside)
+    np.testing.assert_array_equal(found.jerk, inside.jerk)
 
 
 def test_every_committed_motion_keeps_every_limit_from_its_jerk_column_alone(figures):

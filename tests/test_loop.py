@@ -1,0 +1,254 @@
+"""Through the loop: the objective and its slopes, and what the axis does."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import linear_motor as motor
+from jaxid.bound import Norm, individual
+from jaxid.disturbance import AgainstTracking, NoDisturbance
+from jaxid.experiment import identify
+from jaxid.feasible import interior, motion_space
+from jaxid.limits import axis_excess
+from jaxid.loop import Loop, Sampled, Scenarios, every, random_parameters, vertices
+from jaxid.objective import FilteredError, PerfectTracking, ThroughLoop, planned_error
+from jaxid.problem import Problem
+from jaxid.sensing import IdealSensor
+from jaxid.simulate import Plant
+from jaxid.trajectory import uniform
+
+H, T, TICKS = motor.CONTROL_PERIOD, motor.KNOT_PERIOD, 3000
+SPEED, BLEND = 2.0, 0.005
+
+
+def one_plant() -> Scenarios:
+    theta = jnp.asarray(motor.TRUE_PARAMETERS)[None]
+    return every(motor.system(), theta, [motor.plant().disturbance])
+
+
+def ideal_loop(gain=1.0, repeats=1) -> Loop:
+    controller = motor.controller()
+    controller = eqx.tree_at(lambda c: c.gamma, controller, gain * controller.gamma)
+    return Loop(controller, IdealSensor(), H, TICKS, repeats)
+
+
+@eqx.filter_jit
+def evaluated(objective, motion, smoothing=0.0):
+    return objective(motion, jnp.asarray(smoothing))
+
+
+@eqx.filter_jit
+def apart(objective, motion, smoothing=0.0):
+    return objective.each(motion, jnp.asarray(smoothing))
+
+
+def error_of(index, bandwidth=300.0) -> FilteredError:
+    return FilteredError(Norm(jnp.eye(4)[index][None]), bandwidth, H)
+
+
+@pytest.fixture(scope="module")
+def space():
+    return motion_space(motor.limits(), motor.boundary(), 60, T)
+
+
+@pytest.fixture(scope="module")
+def middle(space):
+    inside = interior(motor.limits(), motor.boundary(), 60, T)
+    return space.coordinates(inside.jerk)
+
+
+def test_slopes_through_the_loop_are_those_of_finite_differences(space, middle):
+    """log J_f of M, B, F_c and d̄ at 100 random motions, within the limits and far beyond.
+
+    On a ladder of steps the best agrees to 1e-6 of |∇|: up to 2e-8 was measured. Γ is as in the
+    study, or 30,000 times that, and then the projection is active.
+    """
+    rng = np.random.default_rng(0)
+    scenarios = one_plant()
+
+    @jax.jit
+    def value(h, z, direction, gain, index):
+        objective = ThroughLoop(ideal_loop(gain), scenarios, error_of(index), SPEED, BLEND)
+        return objective(space.trajectory(z + h * direction), jnp.asarray(0.001))
+
+    slope = jax.jit(jax.grad(lambda z, gain, index: value(0.0, z, 0 * z, gain, index)))
+
+    @jax.jit
+    def projected(z, gain):
+        _, signals = scenarios.map(lambda plant: ideal_loop(gain)(plant, space.trajectory(z)))
+        ends = zip(signals.controller, motor.system().lower, motor.system().upper, strict=True)
+        return jnp.any(jnp.stack([(hat == low) | (hat == high) for hat, low, high in ends]))
+
+    active = 0
+    for k in range(100):
+        z = middle + 10 ** rng.uniform(-1.0, 0.3) * jnp.asarray(rng.normal(size=middle.size))
+        direction = rng.normal(size=middle.size)
+        direction = jnp.asarray(direction / np.linalg.norm(direction))
+        gain, index = jnp.asarray((1.0, 3e4)[k % 2]), jnp.asarray(k // 2 % 4)
+        gradient = slope(z, gain, index)
+        errors = [
+            abs(
+                (value(h, z, direction, gain, index) - value(-h, z, direction, gain, index))
+                / (2 * h)
+                - gradient @ direction
+            )
+            for h in 10.0 ** np.arange(-7.0, -3.0)
+        ]
+        assert min(errors) <= 1e-6 * jnp.linalg.norm(gradient)
+        active += bool(projected(z, gain))
+    assert active >= 30
+
+
+def test_slopes_of_the_limits_of_the_axis_are_those_of_finite_differences(space, middle):
+    """Position, velocity, input and input rate of two plants beyond their limits, as penalties."""
+    limits = eqx.tree_at(lambda x: x.input_rate, motor.limits(), jnp.array([-1000.0, 1000.0]))
+    scenarios = every(
+        motor.system(),
+        vertices(motor.system())[jnp.array([3, 12])],
+        [motor.plant().disturbance],
+    )
+    axis = Sampled(ideal_loop(), scenarios)
+    problem = Problem(lambda trajectory, smoothing: 0.0, limits, motor.boundary(), axis)
+    offset, direction = jax.random.normal(jax.random.key(1), (2, middle.size))
+
+    @jax.jit
+    def value(h):
+        motion = space.trajectory(middle + 3.0 * offset + h * direction)
+        excesses = problem.excess(motion)
+        return jnp.stack([jnp.sum(jnp.maximum(c, 0.0) ** 2) for c in excesses])[-4:]
+
+    assert jnp.all(value(0.0) > 0)
+    slopes = jax.jit(jax.jacfwd(value))(0.0)
+    ladder = [
+        np.abs((value(h) - value(-h)) / (2 * h) - slopes) for h in 10.0 ** np.arange(-7.0, -3.0)
+    ]
+    assert np.all(np.min(ladder, axis=0) <= 1e-6 * (1e-9 + np.abs(slopes)))
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.001])
+def test_no_nan_at_any_kink(smoothing):
+    """At rest, where all kinks meet and P is singular, and at a speed on the threshold of δ."""
+    at_threshold = np.zeros(60)
+    at_threshold[[0, 1]] = 500.0, -500.0  # 0.05 m/s after 10 ms, 0.1 m/s after 20
+    at_threshold[[40, 41]] = -500.0, 500.0
+    for jerk in (np.zeros(60), at_threshold):
+        motion = uniform(jnp.zeros(3), jnp.asarray(jerk), T)
+        scenarios = every(
+            motor.system(),
+            vertices(motor.system())[:2],
+            [NoDisturbance(), AgainstTracking(200.0)],
+        )
+        objective = ThroughLoop(ideal_loop(), scenarios, error_of(0), SPEED, BLEND)
+
+        def value(jerk, motion=motion, objective=objective):
+            moved = eqx.tree_at(lambda t: t.jerk, motion, jerk)
+            return objective(moved, jnp.asarray(smoothing))
+
+        # what a singular P makes of J itself is no number, the way there must not be one
+        gradient = jax.jit(jax.grad(value))(motion.jerk)
+        if jnp.any(jerk != 0):
+            assert jnp.all(jnp.isfinite(gradient))
+
+
+def test_the_objective_is_the_bound_that_identification_reports(motion):
+    loop, scenarios = ideal_loop(repeats=2), one_plant()
+    record, _ = loop(motor.plant(), motion)
+    estimate = identify(record, motor.system(), 300.0, H)
+    for index in range(4):  # one compilation: which parameter is data
+        objective = ThroughLoop(loop, scenarios, error_of(index), SPEED, BLEND)
+        value = evaluated(objective, motion)
+        assert float(jnp.exp(value)) == pytest.approx(float(estimate.bound[index]), rel=1e-12)
+        rounded = evaluated(objective, motion, 1e-4)
+        assert float(rounded - value) == pytest.approx(0.0, abs=0.01)
+
+
+def test_worst_and_mean_over_scenarios(motion):
+    several = every(motor.system(), vertices(motor.system())[::5], [motor.plant().disturbance])
+    worst, mean = (
+        ThroughLoop(ideal_loop(), several, error_of(0, 30.0), SPEED, BLEND, worst)
+        for worst in (True, False)
+    )
+    exact = apart(worst, motion)
+    assert float(evaluated(worst, motion)) == pytest.approx(float(jnp.max(exact)), rel=1e-12)
+    assert float(evaluated(mean, motion)) == pytest.approx(float(jnp.mean(exact)))
+    for smoothing in (1e-2, 1e-4):
+        rounded = float(evaluated(worst, motion, smoothing))
+        exact = float(jnp.max(apart(worst, motion, smoothing)))
+        assert exact * (1 + 1e-12) <= rounded <= exact + smoothing / 2 * np.log(4)  # exact < 0
+
+
+def test_any_function_of_the_record_is_an_objective(motion):
+    """The loss in the motor's winding, say: the mean of u²."""
+    objective = ThroughLoop(
+        ideal_loop(), one_plant(), lambda record, _: jnp.mean(record.input**2), SPEED, BLEND
+    )
+
+    @jax.jit
+    def value(h):
+        return objective(
+            eqx.tree_at(lambda t: t.jerk, motion, (1 + h) * motion.jerk), jnp.zeros(())
+        )
+
+    record, _ = ideal_loop()(motor.plant(), motion)
+    assert float(value(0.0)) == pytest.approx(float(np.mean(np.square(record.input))))
+    slope = float(jax.jit(jax.grad(value))(0.0))
+    assert float(value(1e-5) - value(-1e-5)) / 2e-5 == pytest.approx(slope, rel=1e-6)
+
+
+def test_perfect_tracking_without_a_filter_is_the_planned_error(motion):
+    """A filter as fast as a tick leaves J* but for the coarser quadrature."""
+    star = planned_error(motor.system(), motion)
+    for index in range(3):
+        objective = PerfectTracking(motor.system(), error_of(index, 1e6), SPEED, H, TICKS, 2)
+        found = float(jnp.exp(evaluated(objective, motion)))
+        assert found == pytest.approx(float(star[index]), rel=2e-3)
+    slow = PerfectTracking(motor.system(), error_of(0, 30.0), SPEED, H, TICKS, 2)
+    through = ThroughLoop(ideal_loop(repeats=2), one_plant(), error_of(0, 30.0), SPEED, BLEND)
+    values = [float(jnp.exp(evaluated(f, motion))) for f in (slow, through)]
+    assert values[0] == pytest.approx(values[1], rel=0.01)
+    assert values[0] > 1.2 * star[0]
+
+
+def test_the_envelope_is_what_the_plants_do_one_by_one(motion):
+    system = motor.system()
+    thetas = random_parameters(jax.random.key(3), system, 3)
+    kinds = [AgainstTracking(200.0), NoDisturbance()]
+    loop = Loop(motor.controller(), IdealSensor(), H, TICKS, 2, substeps=2)
+    found = Sampled(loop, every(system, thetas, kinds))(motion)
+    runs = []
+    for theta in thetas:
+        for disturbance in kinds:
+            signals = loop(Plant(system, theta, disturbance), motion)[1]
+            rate = np.diff(np.append(0.0, signals.input)) / H
+            columns = (signals.position[1:], signals.velocity[1:], signals.input, rate)
+            runs.append([np.reshape(x, (2, TICKS, -1)) for x in columns])
+    for k, values in enumerate(found):
+        each = np.stack([run[k] for run in runs])
+        np.testing.assert_allclose(values.lower, each.min(axis=(0, 1, 3)), atol=1e-6)
+        np.testing.assert_allclose(values.upper, each.max(axis=(0, 1, 3)), atol=1e-6)
+
+
+def test_excess_of_the_axis_counts_every_side(motion):
+    found = Sampled(ideal_loop(), one_plant())(motion)
+    limits = motor.limits()
+    position, velocity, input, rate = axis_excess(limits, found)
+    assert jnp.max(velocity) > 0  # the motion touches its limit, so the axis leaves it
+    assert jnp.max(velocity) == pytest.approx(float(jnp.max(jnp.abs(found.velocity.upper)) / 2 - 1))
+    assert jnp.max(position) < 0
+    assert jnp.max(input) < 0
+    assert jnp.max(rate) < 0
+    loose = eqx.tree_at(lambda x: x.input_rate, limits, None)
+    assert len(axis_excess(loose, found)) == 3
+
+
+def test_random_parameters_do_not_depend_on_their_number(key):
+    few, many = (random_parameters(key, motor.system(), count) for count in (3, 8))
+    np.testing.assert_array_equal(few, many[:3])
+    box = np.asarray(motor.system().lower), np.asarray(motor.system().upper)
+    assert np.all((box[0] <= np.asarray(many)) & (np.asarray(many) <= box[1]))
+
+
+def test_an_individual_norm_is_what_the_tests_use():
+    np.testing.assert_array_equal(individual(2, 4).functionals, error_of(2).norm.functionals)

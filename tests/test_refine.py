@@ -1,0 +1,194 @@
+"""Motions improved with limits on the axis itself; what a motion asks of the input."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import linear_motor as motor
+from jaxid import one_link_arm as arm
+from jaxid.admissible import inside, stepped_back, walk
+from jaxid.axis_conditions import axis_conditions, frozen, perfect
+from jaxid.bound import individual
+from jaxid.disturbance import NoDisturbance
+from jaxid.feasible import inequalities, interior
+from jaxid.limits import acceleration_reach, axis_excess, input_demand
+from jaxid.loop import Loop, Sampled, every, vertices
+from jaxid.objective import FilteredError, ThroughLoop
+from jaxid.polish import polish, repaired
+from jaxid.problem import Problem
+from jaxid.refine import Effort, refine
+from jaxid.sensing import IdealSensor
+from jaxid.trajectory import States
+
+H, T, TICKS = motor.CONTROL_PERIOD, motor.KNOT_PERIOD, 3000
+BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}
+
+
+def loop() -> Loop:
+    return Loop(motor.controller(), IdealSensor(), H, TICKS)
+
+
+def centre():
+    system = motor.system()
+    return every(system, system.centre[None], [NoDisturbance()])
+
+
+def through_the_loop(limits, bandwidth=50.0) -> Problem:
+    """J_f of M for the box's centre, limits kept by the two corners that need the most input."""
+    criterion = FilteredError(individual(0, 4), bandwidth, H)
+    corners = every(motor.system(), vertices(motor.system())[jnp.array([8, 15])], [NoDisturbance()])
+    return Problem(
+        ThroughLoop(loop(), centre(), criterion, 2.0, 0.005),
+        limits,
+        motor.boundary(),
+        Sampled(loop(), corners),
+    )
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return through_the_loop(motor.limits())
+
+
+def test_a_refined_motion_is_better_and_the_axis_keeps_its_limits(problem, motion):
+    """The start touches the limit of speed, so its axis leaves it; the result's does not."""
+    assert problem.violation(motion) > 1e-5
+    effort = Effort(rounds=2, steps=10, polish_steps=8)
+    said = []
+    found = refine(problem, motion, effort, said.append)
+    assert problem.violation(found.trajectory) <= 0
+    assert found.history[-1] < found.history[0] - 1e-3
+    assert list(found.history) == sorted(found.history, reverse=True)
+    assert len(said) == 2
+    # said again by a loop of its own
+    for theta in vertices(motor.system())[jnp.array([8, 15])]:
+        scenarios = every(motor.system(), theta[None], [NoDisturbance()])
+        for side in axis_excess(motor.limits(), Sampled(loop(), scenarios)(found.trajectory)):
+            assert jnp.max(side) <= 1e-9
+    assert float(problem.objective(found.trajectory, jnp.zeros(()))) == pytest.approx(found.value)
+
+
+def test_nothing_but_an_improvement_is_accepted(problem, motion):
+    """With no steps at all the start comes back, in its limits."""
+    effort = Effort(rounds=0, steps=1, polish_steps=0)
+    found = refine(problem, motion, effort)
+    assert len(found.history) == 1
+    again = refine(problem, found.trajectory, effort)
+    np.testing.assert_array_equal(again.trajectory.jerk, found.trajectory.jerk)
+
+
+def test_an_axis_that_cannot_keep_its_limits_is_refused(motion):
+    weak = eqx.tree_at(lambda x: x.input, motor.limits(), jnp.array([-0.1, 0.1]))
+    with pytest.raises(ValueError, match=r"`limits`: the axis leaves them by .* gentlest"):
+        refine(through_the_loop(weak), motion)
+
+
+def test_repair_costs_less_than_stepping_back(problem, motion):
+    deep = inside(problem, 60, T)
+    by_programs, back = repaired(problem, deep, motion), stepped_back(problem, deep, motion)
+    assert problem.violation(by_programs) <= 0
+    assert problem.violation(back) <= 0
+    value = lambda trajectory: problem.objective(trajectory, jnp.zeros(()))  # noqa: E731
+    assert value(by_programs) < value(back)
+    np.testing.assert_array_equal(repaired(problem, deep, by_programs).jerk, by_programs.jerk)
+
+
+def test_stepping_back_needs_a_motion_that_keeps_the_limits(problem, motion):
+    with pytest.raises(ValueError, match="`inside` must keep all limits, but leaves them by"):
+        stepped_back(problem, motion, motion)
+
+
+def test_what_the_axis_adds_is_exact_where_it_was_frozen(problem, motion):
+    axis = frozen(problem.axis, problem.limits, motion)
+    for one, other in zip(axis(motion), problem.axis(motion), strict=True):
+        np.testing.assert_allclose(one.lower, other.lower, atol=1e-9)
+        np.testing.assert_allclose(one.upper, other.upper, atol=1e-9)
+
+
+def test_linearised_conditions_foresee_what_a_small_change_does(problem, motion):
+    """Of the worst of each group of ticks, to a few per cent of the change (0.1 m/s³ here)."""
+    limits = problem.limits
+    planned = inequalities(limits, problem.boundary, 60, T)
+    conditions = axis_conditions(planned, limits, frozen(problem.axis, limits, motion), motion)
+    added = slice(len(planned.upper), None)
+    rng = np.random.default_rng(0)
+    change = 1e-4 * rng.normal(size=60)
+    moved = eqx.tree_at(lambda t: t.jerk, motion, motion.jerk + change * planned.unit)
+
+    def room(trajectory):
+        sides = axis_excess(limits, problem.axis(trajectory))
+        return -np.concatenate(
+            [np.append(s, [-np.inf] * (-TICKS % 13)).reshape(-1, 13).max(axis=1) for s in sides]
+        )
+
+    x = np.asarray(motion.jerk) / planned.unit
+    here = conditions.upper[added] - conditions.rows[added] @ x
+    np.testing.assert_allclose(here, room(motion), atol=1e-9)
+    foreseen = here - conditions.rows[added] @ change
+    size = np.max(np.abs(conditions.rows[added] @ change))
+    # where friction jumps nothing linear can follow: the median tells
+    assert np.median(np.abs(foreseen - room(moved))) < 0.05 * size
+
+
+def test_a_polish_keeps_the_limits_of_a_perfect_axis(motion):
+    """The input limit itself instead of (18): more acceleration, and a smaller J."""
+    from jaxid.objective import PlannedError
+
+    limits = eqx.tree_at(
+        lambda x: x.acceleration, motor.limits(), acceleration_reach(motor.system(), **BOX)
+    )
+    axis = perfect(motor.system(), 600, (0.0, 0.0, 0.0, 0.0))
+    objective = PlannedError(motor.system(), individual(0, 4), 2.0, 8)
+    problem = Problem(objective, limits, motor.boundary(), axis)
+    deep = inside(problem, 60, T)
+    start = walk(problem, deep, motion)
+    found = polish(problem, deep, start, 15)
+    assert problem.violation(found) <= 0
+    before, after = (objective(t, jnp.zeros(())) for t in (start, found))
+    assert after < before - 3e-4  # 7e-4 was measured
+
+
+@pytest.mark.parametrize("axis", [motor, arm])
+def test_demand_is_the_worst_corner(axis):
+    system = axis.system()
+    rng = np.random.default_rng(0)
+    limits = axis.limits()
+    y, v, a = (
+        jnp.asarray(rng.uniform(*np.asarray(interval), 50))
+        for interval in np.asarray(limits.motion)
+    )
+    found = input_demand(system, States(y, v, a))
+    phi = np.stack(system.regressors(y, v, a), axis=-1)
+    delta = np.asarray(system.disturbance_bound(y, v))
+    inputs = phi @ np.asarray(vertices(system)).T
+    np.testing.assert_allclose(found.upper, inputs.max(axis=1) + delta, rtol=1e-12)
+    np.testing.assert_allclose(found.lower, inputs.min(axis=1) - delta, rtol=1e-12)
+
+
+@pytest.mark.parametrize("axis", [motor, arm])
+def test_no_acceleration_beyond_the_reach_is_admissible_anywhere(axis):
+    """And at some state the reach itself is, to a few per cent: it is no wider than need be."""
+    system, limits = axis.system(), axis.limits()
+    y, v = (np.linspace(*np.asarray(x), 201) for x in (limits.position, limits.velocity))
+    y, v = (jnp.asarray(x.ravel()) for x in np.meshgrid(y, v))
+    ends = acceleration_reach(system, limits.position, limits.velocity, limits.input)
+    for end, side in zip(ends, (-1, 1), strict=True):
+        for factor, expected in ((1.0 + 1e-9, 0), (0.97, 1)):
+            states = States(y, v, jnp.full(y.shape, factor * float(end)))
+            demand = input_demand(system, states)
+            kept = demand.upper <= limits.input[1] if side > 0 else demand.lower >= limits.input[0]
+            assert bool(jnp.any(kept)) == bool(expected)
+
+
+def test_the_reach_of_the_motor_is_that_of_its_docstring():
+    assert acceleration_reach(motor.system(), **BOX)[1] == pytest.approx(9.35 / 0.18)
+
+
+def test_inside_is_inside_for_the_axis_too(problem):
+    deep = inside(problem, 60, T)
+    assert problem.violation(deep) < 0
+    plain = interior(motor.limits(), motor.boundary(), 60, T)
+    np.testing.assert_array_equal(deep.jerk, plain.jerk)
+    assert jax.tree.structure(deep) == jax.tree.structure(plain)
