@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from jaxid.system import Scalar
+from jaxid.system import Scalar, dot
 
 
 class Moment(NamedTuple):
@@ -78,6 +78,19 @@ class Mixture(Disturbance):
             (self.shares[k] * value for k, value in enumerate(values)),
             start=jnp.zeros_like(velocity),
         )
+
+
+class Mixture(Disturbance):
+    """Several disturbances, each times a number of its own: which of them act is data.
+
+    Loops that differ only in what disturbs them then share one compilation.
+    """
+
+    parts: tuple[Disturbance, ...]
+    shares: Float[Array, " k"]
+
+    def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
+        return dot([part(moment, position, velocity, delta) for part in self.parts], self.shares)
 
 
 class Sequence(Disturbance):

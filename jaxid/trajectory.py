@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxid.checks import require
 from jaxid.system import Motion, Scalar
@@ -125,6 +125,28 @@ def reference(
     """
     once = trajectory.states(jnp.arange(ticks) * period)
     return States(*(jnp.tile(x, repeats) for x in once))
+
+
+def padded_reference(
+    trajectory: JerkTrajectory,
+    period: Scalar | float,
+    ticks: Int[Array, ""],
+    repeats: int,
+    size: int,
+) -> States:
+    """`reference` in arrays of any `size`: after the last repeat the axis is left where it is.
+
+    Motions of different length then share one shape, and one compilation.
+
+    Args:
+        trajectory: padded itself, with intervals of no duration.
+        period: of the controller, s.
+        ticks: of one motion, without padding.
+        repeats: how many times the motion is run.
+        size: how many ticks to return, not below repeats·ticks.
+    """
+    tick = jnp.arange(size)
+    return trajectory.states(jnp.where(tick < repeats * ticks, tick % ticks, ticks) * period)
 
 
 def _running(first: Scalar, increments: Float[Array, " n"]) -> Float[Array, " n+1"]:
