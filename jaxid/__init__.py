@@ -41,8 +41,9 @@ trajectory
     experiment <- bound, checks, control, design, estimate, filters, limits, objective, record, \
 sensing, simulate, system, trajectory
     files <- checks, trajectory
+    blocks <- checks, files
     report <- files, trajectory
-    runtime <- -
+    runtime <- checks
     linear_motor <- control, disturbance, limits, simulate, system
     one_link_arm <- disturbance, limits, simulate, system
 """
