@@ -42,6 +42,9 @@ trajectory
 sensing, simulate, system, trajectory
     files <- checks, trajectory
     blocks <- checks, files
+    sweep <- checks, control, disturbance, estimate, feasible, filters, record, sensing, \
+simulate, system, trajectory
+    dataset <- files, sweep
     report <- files, trajectory
     runtime <- checks
     linear_motor <- control, disturbance, limits, simulate, system

@@ -1,4 +1,4 @@
-"""Files out and in: CSV with 17 digits, written to a temporary name and renamed."""
+"""Files out and in: CSV with 17 digits, netCDF; written to a temporary name and renamed."""
 
 import csv
 import os
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 from jaxtyping import Float
 
 from jaxid.checks import require
@@ -85,6 +86,18 @@ def trajectory_header(coordinate: str = "linear") -> tuple[str, ...]:
     unit = UNITS[coordinate]
     suffixes = (unit, f"{unit}_s", f"{unit}_s2", f"{unit}_s3")
     return ("time_s", *(f"{name}_{suffix}" for name, suffix in zip(STATES, suffixes, strict=True)))
+
+
+def write_dataset(path: Path, dataset: xr.Dataset) -> None:
+    """NetCDF (HDF5), compressed without loss; the same data set makes the same bytes."""
+    packed = {"zlib": True, "complevel": 9, "shuffle": True}
+    encoding = dict.fromkeys(dataset.data_vars, packed)
+    write_bytes(path, bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)))
+
+
+def read_dataset(path: Path) -> xr.Dataset:
+    """A netCDF file, all of it."""
+    return xr.load_dataset(path, engine="h5netcdf")
 
 
 def _column(rows: Sequence[Mapping[str, str]], name: str) -> Float[np.ndarray, " n"]:
