@@ -6,10 +6,13 @@ READY := $(VENV)/.ready
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce crosscheck test check clean
+.PHONY: reproduce sweep crosscheck test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
+
+sweep: $(READY)  ## J_f and tracking over horizons, bandwidths, gains and scenarios: data and heat maps
+	$(BIN)/python -m experiments.linear_motor.sweep
 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 	$(BIN)/python -m experiments.linear_motor.crosscheck

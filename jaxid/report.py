@@ -3,13 +3,17 @@
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from jaxid.files import write_bytes
 from jaxid.trajectory import JerkTrajectory
@@ -111,6 +115,52 @@ def intervals(
     panel.hlines(truth, x - 0.38, x + 0.38, color=BLACK, linewidth=1.5, label="true value")
     panel.set_xticks(x, names, fontsize=12)
     panel.legend(fontsize=10)
+
+
+def heat_map(
+    panel: Axes,
+    values: Array,
+    rows: Sequence[str],
+    columns: Sequence[str],
+    number: str,
+    highest: float = np.inf,
+    logarithmic: bool = False,
+) -> None:
+    """A table as numbers on colours, from the smallest value (dark) to the largest.
+
+    Cells that were never run (NaN) are hatched, infinite ones black, those beyond `highest` orange.
+
+    Args:
+        panel: to draw on.
+        values: one row per row of cells, from top to bottom.
+        rows: their names.
+        columns: the names of the columns.
+        number: how to write one.
+        highest: that is still in order.
+        logarithmic: whether equal ratios are equal steps of colour.
+    """
+    ordinary = values[np.isfinite(values) & (values <= highest)]
+    ends = (ordinary.min(), ordinary.max()) if ordinary.size else (1.0, 1.0)
+    norm = (LogNorm if logarithmic else Normalize)(*ends)
+    colours = colormaps["viridis"].with_extremes(over=ORANGE)
+    shown = np.ma.masked_invalid(values)
+    panel.imshow(shown, norm=norm, cmap=colours, aspect="auto", interpolation="nearest")
+    for (row, column), value in np.ndenumerate(values):
+        if np.isnan(value):
+            _box(panel, row, column, facecolor="white", edgecolor=GREY, hatch="////")
+            continue
+        if np.isinf(value):
+            _box(panel, row, column, facecolor=BLACK)
+        text = number.format(value) if np.isfinite(value) else "∞"
+        colour = BLACK if np.isfinite(value) and norm(value) > 0.55 else "white"
+        panel.text(column, row, text, ha="center", va="center", fontsize=12, color=colour)
+    panel.grid(False)
+    panel.set_xticks(range(len(columns)), columns, fontsize=12)
+    panel.set_yticks(range(len(rows)), rows, fontsize=12)
+
+
+def _box(panel: Axes, row: int, column: int, **style: Any) -> None:
+    panel.add_patch(Rectangle((column - 0.5, row - 0.5), 1.0, 1.0, linewidth=0.0, **style))
 
 
 def _text(cell: object) -> str:

@@ -70,6 +70,7 @@ if __name__ == "__main__":
 def test_every_program_explains_its_options():
     assert "--redraw" in run(["-m", "experiments.linear_motor", "--help"], ROOT)
     assert "--toy" in run(["-m", "experiments.linear_motor.crosscheck", "--help"], ROOT)
+    assert "--process-id" in run(["-m", "experiments.linear_motor.sweep", "--help"], ROOT)
 
 
 @pytest.mark.parametrize(
