@@ -73,23 +73,6 @@ class Mixture(Disturbance):
     shares: Float[Array, " k"] = eqx.field(converter=jnp.asarray)
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
-        values = [part(moment, position, velocity, delta) for part in self.parts]
-        return sum(
-            (self.shares[k] * value for k, value in enumerate(values)),
-            start=jnp.zeros_like(velocity),
-        )
-
-
-class Mixture(Disturbance):
-    """Several disturbances, each times a number of its own: which of them act is data.
-
-    Loops that differ only in what disturbs them then share one compilation.
-    """
-
-    parts: tuple[Disturbance, ...]
-    shares: Float[Array, " k"]
-
-    def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         return dot([part(moment, position, velocity, delta) for part in self.parts], self.shares)
 
 
