@@ -33,6 +33,7 @@ trajectory
     sensing <- filters, record, system, trajectory
     disturbance <- system
     control <- checks, sensing, system, trajectory
+    tube <- control, limits, ranges, sensing, system, trajectory
     simulate <- control, disturbance, record, sensing, system, trajectory
     loop <- control, disturbance, limits, ranges, record, sensing, simulate, system, trajectory
     objective <- bound, filters, loop, record, simulate, system, trajectory

@@ -52,7 +52,7 @@ class ARC(Controller):
         k1: 1/s, of (19).
         k2: input unit per m/s or rad/s, of (25).
         epsilon: input unit times m/s or rad/s, of (26).
-        gamma: diagonal of Γ, one adaptation rate per parameter.
+        gamma: diagonal of Γ, one adaptation rate per parameter; 0 keeps it at the centre of Ω_θ.
     """
 
     system: System
@@ -100,8 +100,13 @@ class ARC(Controller):
 
     def mismatch(self, phi: tuple[Scalar, ...], y: Scalar, v: Scalar) -> Scalar:
         """H ≥ |φ'ᵀθ̃ − Δ|, so that −h²p/4ε meets (26): ε is reached at |p| = 2ε/h."""
+        return dot([jnp.abs(f) for f in phi], self.reach) + self.system.disturbance_bound(y, v)
+
+    @property
+    def reach(self) -> Float[Array, " m"]:
+        """How far θ̂ may be from θ: the width of Ω_θ, or half of it where θ̂ stays at the centre."""
         widths = self.system.upper - self.system.lower
-        return dot([jnp.abs(f) for f in phi], widths) + self.system.disturbance_bound(y, v)
+        return jnp.where(self.gamma > 0, widths, widths / 2)
 
     def energy_bound(self, times: Float[Array, " n"], initial_energy: Scalar) -> Float[Array, " n"]:
         """The right-hand side of (27)."""

@@ -130,9 +130,8 @@ def acceleration_reach(system: System, position: Ends, velocity: Ends, input: En
     """
     box = (Range(*as_interval(position)), Range(*as_interval(velocity)))
     needs = system.disturbance_bound.range(*box).lower
-    spans = [term.regressor.range(*box) for term in system.terms if term.regressor is not None]
     up, down = needs, needs
-    for term, span in zip(system.terms[1:], spans, strict=True):
+    for term, span in zip(system.terms[1:], system.force_ranges(*box), strict=True):
         up = up + _least_peak(term.interval, span)
         down = down + _least_peak(-term.interval[::-1], span)
     low, high = as_interval(input)

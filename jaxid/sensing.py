@@ -20,8 +20,25 @@ class Measurement(NamedTuple):
     velocity: Scalar
 
 
+class SensorError(NamedTuple):
+    """How far a measurement may be from the truth: for what is proved of a loop.
+
+    Attributes:
+        position: |measured − true| at most, m or rad.
+        differenced: whether the velocity is the difference of two measured positions; it is exact
+            otherwise.
+    """
+
+    position: Scalar
+    differenced: bool
+
+
 class Sensor(eqx.Module):
     """Turns the state at a tick into a measurement; carries what it must remember."""
+
+    @abc.abstractmethod
+    def error(self) -> SensorError:
+        """The bounds of its errors."""
 
     @abc.abstractmethod
     def initial(self, position: Scalar) -> Any:
@@ -36,6 +53,9 @@ class Sensor(eqx.Module):
 
 class IdealSensor(Sensor):
     """Exact position and velocity."""
+
+    def error(self) -> SensorError:
+        return SensorError(jnp.zeros(()), differenced=False)
 
     def initial(self, position: Scalar) -> tuple[()]:
         return ()
@@ -54,6 +74,9 @@ class Encoder(Sensor):
     """
 
     resolution: Scalar = eqx.field(converter=jnp.asarray)
+
+    def error(self) -> SensorError:
+        return SensorError(self.resolution / 2, differenced=True)
 
     def initial(self, position: Scalar) -> Scalar:
         return self.quantise(position)

@@ -279,6 +279,14 @@ class System(eqx.Module):
             term.regressor(position, velocity) for term in self.terms if term.regressor is not None
         )
 
+    def force_ranges(self, position: Range, velocity: Range) -> tuple[Range, ...]:
+        """What f₁ … f_{m−1} can be while position and velocity stay in their ranges."""
+        return tuple(
+            term.regressor.range(position, velocity)
+            for term in self.terms
+            if term.regressor is not None
+        )
+
     def regressors(
         self, position: Motion, velocity: Motion, acceleration: Motion
     ) -> tuple[Motion, ...]:
