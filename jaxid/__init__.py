@@ -36,6 +36,7 @@ trajectory
     tube <- control, limits, ranges, sensing, system, trajectory
     simulate <- control, disturbance, record, sensing, system, trajectory
     loop <- control, disturbance, limits, ranges, record, sensing, simulate, system, trajectory
+    adversary <- disturbance, limits, loop, simulate, system, trajectory
     objective <- bound, filters, loop, record, simulate, system, trajectory
     excitation <- -
     estimate <- bound, record, system

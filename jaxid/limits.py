@@ -57,6 +57,24 @@ class Limits(eqx.Module):
         return jnp.stack([self.position, self.velocity, self.acceleration])
 
 
+def shrunk(limits: Limits, share: Float[Array, "3"]) -> Limits:
+    """Position, velocity and input limits moved inwards by shares of their half-widths."""
+
+    def inwards(interval: Interval, share: Scalar) -> Interval:
+        room = share * (interval[1] - interval[0]) / 2
+        return interval + jnp.stack([room, -room])
+
+    return eqx.tree_at(
+        lambda x: (x.position, x.velocity, x.input),
+        limits,
+        (
+            inwards(limits.position, share[0]),
+            inwards(limits.velocity, share[1]),
+            inwards(limits.input, share[2]),
+        ),
+    )
+
+
 class Via(eqx.Module):
     """Bounds on the state [y, ẏ, ÿ] at one instant, `at` being its fraction of the whole time.
 

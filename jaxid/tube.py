@@ -84,7 +84,7 @@ def cells(system: System, parts: tuple[int, ...]) -> Cells:
         parts: how many along each of the m parameters.
     """
     edges = [
-        np.linspace(*np.asarray(term.interval), count + 1)
+        np.linspace(float(term.interval[0]), float(term.interval[1]), count + 1)
         for term, count in zip(system.terms, parts, strict=True)
     ]
     lower = np.meshgrid(*(edge[:-1] for edge in edges), indexing="ij")
@@ -187,7 +187,7 @@ def _one_cell(tube: Tube, now: _Now, theta: Range) -> Envelope:
     hat = Range(jnp.where(moves, box.lower, box.centre), jnp.where(moves, box.upper, box.centre))
     cell = _Cell(law, tube.period, theta, hat, tube.sensor.error())
     zero = jnp.zeros(())
-    rest = _State(*(exactly(zero),) * 4, zero)
+    rest = _State(exactly(zero), exactly(zero), exactly(zero), exactly(zero), zero)
     _, found = jax.lax.scan(lambda state, now: _tick(cell, state, now), rest, now)
     before = Range(*(jnp.append(0.0, x[:-1]) for x in found.input))
     rate = jax.tree.map(lambda x: x / tube.period, minus(found.input, before))

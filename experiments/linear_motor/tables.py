@@ -26,6 +26,12 @@ TABLE_3 = (
     "lower", "upper", "prior_lower", "prior_upper", "bound_paper",
 )  # fmt: skip
 DESIGNS = ("design", "N", "J_M", "J_B", "J_Fc", "J_dbar")
+ROBUST = (
+    "parameter", "N", "limits", "J_star",
+    "random_plants", "random_beyond_position", "random_beyond_velocity", "random_beyond_input",
+    "searched_plants", "searched_beyond_position", "searched_beyond_velocity",
+    "searched_beyond_input",
+)  # fmt: skip
 LIMITS = ("motion", "quantity", "lowest", "highest", "limit_lower", "limit_upper", "kept")
 
 

@@ -1,0 +1,193 @@
+"""Limits that the axis itself keeps: sampled and proved, and what each costs beside (18)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jaxtyping import Float
+
+from experiments.linear_motor import tables
+from experiments.linear_motor.designs import STUDIED, TOY, Cell, trajectory_path
+from experiments.linear_motor.runs import PERIODS
+from jaxid import linear_motor as motor
+from jaxid.adversary import adversaries
+from jaxid.axis_conditions import perfect
+from jaxid.bound import individual
+from jaxid.design import Effort as SearchEffort
+from jaxid.disturbance import AgainstTracking, Disturbance, NoDisturbance, square_wave
+from jaxid.experiment import design_motion
+from jaxid.files import read_trajectory, write_table, write_trajectory
+from jaxid.limits import Limits, Prediction, acceleration_reach, shrunk
+from jaxid.loop import Loop, Sampled, every, excesses, random_scenarios, vertices
+from jaxid.objective import PlannedError, planned_error
+from jaxid.problem import Problem
+from jaxid.refine import Effort, refine
+from jaxid.runtime import configure
+from jaxid.sensing import Encoder, IdealSensor, Sensor
+from jaxid.trajectory import JerkTrajectory, ticks
+from jaxid.tube import Tube, cells
+
+CELLS = (8, 4, 4, 4)  # that Ω_θ is cut into for a proof
+# what the axis is given to begin with beside its motion: m, m/s and V, near what a tube needs
+PROVED_MARGINS, SAMPLED_MARGINS = (0.004, 0.04, 0.45, 0.0), (0.003, 0.03, 0.2, 0.0)
+ROUNDS = 4  # of finding plants that leave the limits and keeping farther away
+SIDES = ("position", "velocity", "input")
+
+
+@dataclass(frozen=True)
+class Robust:
+    """One motion per parameter whose limits hold for the axis: by (18), by sampling, by proof.
+
+    Attributes:
+        out: the folder that robust.csv and the motions are written to.
+        motions: the folder with the trajectories of the study.
+        horizon: N_i of the motions.
+        plants: random plants of the final check.
+        attacks: plants of the final check that are searched for.
+        seed: of the designs; the final check has the next one.
+        toy: search and check hardly at all: only shows that everything runs.
+    """
+
+    out: Path = Path("figures")
+    motions: Path = Path("figures")
+    horizon: int = 30
+    plants: int = 1000
+    attacks: int = 100
+    seed: int = 0
+    toy: bool = False
+
+
+def main(options: Robust) -> None:
+    """Design, check, save, print."""
+    rows: list[tables.Row] = []
+    for name in STUDIED[: 1 if options.toy else None]:
+        for method, motion in designs(options, name):
+            rows.append(checked(options, name, method, motion))
+            print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
+            write_trajectory(options.out / f"robust_{method}_{name}_N{options.horizon}.csv", motion)
+    table = tables.Table(tables.ROBUST, rows)
+    write_table(options.out / "robust.csv", table.header, table.rows)
+    print(table.text("Limits of the axis itself: by (18), by sampled plants, by proof"))
+
+
+def designs(options: Robust, name: str) -> list[tuple[str, JerkTrajectory]]:
+    """The motion of Table I, one whose sampled plants keep the limits, and one for a proof."""
+    by_18 = read_trajectory(trajectory_path(options.motions, Cell(name, options.horizon)))
+    count = ticks(by_18, motor.CONTROL_PERIOD)
+    tube = Tube(
+        motor.provable_controller(),
+        Encoder(motor.ENCODER_RESOLUTION),
+        cells(motor.system(), (2, 1, 1, 1) if options.toy else CELLS),
+        motor.CONTROL_PERIOD,
+        count,
+        PERIODS,
+    )
+    proved = improved(options, name, axis_limits(), tube, start(options, name, PROVED_MARGINS))
+    return [("18", by_18), ("sampled", sampled(options, name, count)), ("proved", proved)]
+
+
+def axis_limits() -> Limits:
+    """Those of the motor, by the input itself instead of (18); its rate is left out.
+
+    Nothing useful can be proved of the rate: neighbouring inputs of one plant differ far less than
+    what is known of them.
+    """
+    box = {name: tuple(getattr(motor.limits(), name).tolist()) for name in SIDES}
+    reach = acceleration_reach(motor.system(), **box)
+    whole = motor.limits()
+    return Limits(whole.position, whole.velocity, reach, whole.jerk, whole.input)
+
+
+def start(options: Robust, name: str, margins: tuple[float, float, float, float]) -> JerkTrajectory:
+    """A cold search with fixed margins for what the axis adds to its motion."""
+    intervals = 2 * options.horizon
+    return design_motion(
+        motor.system(),
+        axis_limits(),
+        motor.boundary(),
+        name,
+        intervals,
+        motor.KNOT_PERIOD,
+        jax.random.fold_in(jax.random.key(options.seed), motor.system().index(name)),
+        axis=perfect(motor.system(), 5 * intervals, margins),
+        effort=TOY if options.toy else SearchEffort(),
+    ).trajectory
+
+
+def improved(
+    options: Robust, name: str, limits: Limits, axis: Prediction, motion: JerkTrajectory
+) -> JerkTrajectory:
+    """The motion in the limits of the axis, and J* made as small as they allow."""
+    system = motor.system()
+    norm = individual(system.index(name), len(system.names))
+    objective = PlannedError(system, norm, jnp.max(jnp.abs(limits.velocity)), 64)
+    problem = Problem(objective, limits, motor.boundary(), axis)
+    effort = Effort(rounds=1, steps=2, polish_steps=2) if options.toy else Effort()
+    return refine(problem, motion, effort).trajectory
+
+
+def sampled(options: Robust, name: str, count: int) -> JerkTrajectory:
+    """Farther and farther inside until none of the plants of one seed leaves the limits."""
+    limits, system = axis_limits(), motor.system()
+    kinds = [NoDisturbance(), pushing(), square_wave(PERIODS * count, 100)]
+    axis = Sampled(loop(IdealSensor(), count), every(system, vertices(system), kinds))
+    motion = start(options, name, SAMPLED_MARGINS)
+    inwards = jnp.full(3, 1e-3)
+    for _ in range(1 if options.toy else ROUNDS):
+        motion = improved(options, name, shrunk(limits, inwards), axis, motion)
+        worst = np.max([found.max(axis=0) for found in beyond(options, motion, options.seed)], 0)
+        if np.all(worst <= 0):
+            break
+        inwards = inwards + 1.5 * jnp.maximum(jnp.asarray(worst), 0.0)
+    return motion
+
+
+def checked(options: Robust, name: str, method: str, motion: JerkTrajectory) -> tables.Row:
+    """J* and how many plants of the final check leave which limit."""
+    error = planned_error(motor.system(), motion)[motor.system().index(name)]
+    random, searched = beyond(options, motion, options.seed + 1)
+    row: tables.Row = {"parameter": name, "N": options.horizon, "limits": method}
+    row["J_star"] = float(error)
+    for group, found in (("random", random), ("searched", searched)):
+        row[f"{group}_plants"] = len(found)
+        for k, side in enumerate(SIDES):
+            row[f"{group}_beyond_{side}"] = int(np.sum(found[:, k] > 0))
+    return row
+
+
+def beyond(
+    options: Robust, motion: JerkTrajectory, seed: int
+) -> tuple[Float[np.ndarray, "k sides"], Float[np.ndarray, "k sides"]]:
+    """The excess of random plants and of plants searched for: encoder, ten steps per tick."""
+    system, limits = motor.system(), axis_limits()
+    count = ticks(motion, motor.CONTROL_PERIOD)
+    first, second = jax.random.split(jax.random.key(seed))
+    kinds: list[Disturbance] = [NoDisturbance(), motor.plant().disturbance, pushing()]
+    plants, attacks = (8, 6) if options.toy else (options.plants, options.attacks)
+    ideal = loop(IdealSensor(), count)
+    groups = (
+        random_scenarios(first, system, kinds, PERIODS * count, plants),
+        adversaries(ideal, system, limits, motion, second, attacks),
+    )
+    real = loop(Encoder(motor.ENCODER_RESOLUTION), count, substeps=1 if options.toy else 10)
+    one, other = (np.asarray(excesses(real, group, limits, motion)) for group in groups)
+    return one, other
+
+
+def pushing() -> AgainstTracking:
+    """The adversary of Theorem 4."""
+    return AgainstTracking(motor.provable_controller().k1)
+
+
+def loop(sensor: Sensor, count: int, substeps: int = 1) -> Loop:
+    """The experiment of the paper, with the law that has a tube."""
+    law = motor.provable_controller()
+    return Loop(law, sensor, motor.CONTROL_PERIOD, count, PERIODS, substeps)
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Robust))

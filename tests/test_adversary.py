@@ -1,0 +1,74 @@
+"""Plants searched for are worse than random ones, and are plants of the box."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import linear_motor as motor
+from jaxid.adversary import adversaries
+from jaxid.disturbance import AgainstTracking, NoDisturbance
+from jaxid.limits import shrunk
+from jaxid.loop import Loop, Sampled, every, excesses, random_scenarios, vertices
+from jaxid.sensing import IdealSensor
+
+H, TICKS = motor.CONTROL_PERIOD, 3000
+
+
+@pytest.fixture(scope="module")
+def loop() -> Loop:
+    return Loop(motor.provable_controller(), IdealSensor(), H, TICKS)
+
+
+@pytest.fixture(scope="module")
+def searched(loop, motion):
+    return adversaries(loop, motor.system(), motor.limits(), motion, jax.random.key(0), 12)
+
+
+def test_plants_searched_for_keep_the_box_and_the_bound(searched):
+    low, high = np.asarray(motor.system().lower), np.asarray(motor.system().upper)
+    theta = np.asarray(searched.theta)
+    assert np.all((low <= theta) & (theta <= high))
+    assert jnp.all(jnp.abs(searched.disturbance.shares) <= 1)
+
+
+def test_plants_searched_for_are_worse_than_random_ones(loop, motion, searched):
+    """On every side of every limit of speed and input, and by much against as many random ones."""
+    kinds = [NoDisturbance(), AgainstTracking(10.0)]
+    random = random_scenarios(jax.random.key(1), motor.system(), kinds, TICKS, 12)
+    found, others = (Sampled(loop, plants)(motion) for plants in (searched, random))
+    for mine, theirs in ((found.velocity, others.velocity), (found.input, others.input)):
+        assert jnp.max(mine.upper) > jnp.max(theirs.upper)
+        assert jnp.min(mine.lower) < jnp.min(theirs.lower)
+    assert jnp.max(found.input.upper) > 1.1 * jnp.max(others.input.upper)
+
+
+def test_excesses_are_those_of_the_envelope(loop, motion):
+    """Plant by plant the worst of all is what the envelope of all says; limits moved inwards."""
+    limits = shrunk(motor.limits(), jnp.array([0.1, 0.2, 0.3]))
+    np.testing.assert_allclose(limits.position, [0.0105, 0.3795], rtol=1e-12)
+    np.testing.assert_allclose(limits.velocity, [-1.6, 1.6], rtol=1e-12)
+    np.testing.assert_allclose(limits.input, [-7.0, 7.0], rtol=1e-12)
+    plants = every(motor.system(), vertices(motor.system())[::5], [NoDisturbance()])
+    found = np.asarray(excesses(loop, plants, limits, motion))
+    assert found.shape == (4, 4)
+    envelope = Sampled(loop, plants)(motion)
+    half = [0.1845, 1.6, 7.0]
+    low, high = [0.0105, -1.6, -7.0], [0.3795, 1.6, 7.0]
+    for k in range(3):
+        worst = max(
+            float(jnp.max(envelope[k].upper) - high[k]), float(low[k] - jnp.min(envelope[k].lower))
+        )
+        assert found[:, k].max() == pytest.approx(worst / half[k], rel=1e-9)
+
+
+def test_random_plants_do_not_depend_on_their_number():
+    few, many = (
+        random_scenarios(jax.random.key(2), motor.system(), [NoDisturbance()], 50, count)
+        for count in (3, 6)
+    )
+    np.testing.assert_array_equal(few.theta, many.theta[:3])
+    np.testing.assert_array_equal(
+        few.disturbance.parts[1].shares, many.disturbance.parts[1].shares[:3]
+    )
+    assert len({float(x) for x in many.disturbance.parts[1].shares[:, 0]}) == 6
