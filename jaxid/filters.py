@@ -4,37 +4,38 @@ The regression identity is linear in its columns, so it survives any such filter
 |Δ_f| ≤ δ_f as long as the entries of the matrix are nowhere negative.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from jaxid.record import Record
 from jaxid.system import Scalar
 
 
 def low_pass(
-    columns: Float[Array, "n *c"], bandwidth: Scalar | float, period: Scalar | float
-) -> Float[Array, "n *c"]:
+    columns: PyTree[Float[Array, "n *c"]], bandwidth: Scalar | float, period: Scalar | float
+) -> PyTree[Float[Array, "n *c"]]:
     """H_f(s) = w/(s + w) of (28), started at zero, on signals that are constant over each tick.
 
     x_f,k = α·x_f,k−1 + (1 − α)·x_k with α = exp(−w·period): exact at the end of each tick for the
     held input, and the same linear map of every other column.
 
     Args:
-        columns: time along the first axis.
+        columns: an array or several, time along the first axis. One scan takes them all: each waits
+            for its own last value only, so that five take little longer than one.
         bandwidth: w in rad/s.
         period: of the ticks, s.
     """
     keep = jnp.exp(-bandwidth * period)
 
-    def step(
-        filtered: Float[Array, "*c"], column: Float[Array, "*c"]
-    ) -> tuple[Float[Array, "*c"], Float[Array, "*c"]]:
-        filtered = keep * filtered + (1 - keep) * column
+    def step(filtered: Any, column: Any) -> tuple[Any, Any]:
+        filtered = jax.tree.map(lambda f, c: keep * f + (1 - keep) * c, filtered, column)
         return filtered, filtered
 
-    return jax.lax.scan(step, jnp.zeros_like(columns[0]), columns)[1]
+    return jax.lax.scan(step, jax.tree.map(lambda c: jnp.zeros_like(c[0]), columns), columns)[1]
 
 
 def adjoint(
@@ -47,5 +48,5 @@ def adjoint(
 @eqx.filter_jit
 def filtered(record: Record, bandwidth: Scalar | float, period: Scalar | float) -> Record:
     """(28): the record with u, φ, δ and Δ all filtered by H_f; the measure of a row stays."""
-    passed = jax.tree.map(lambda column: low_pass(column, bandwidth, period), record)
+    passed = low_pass(record, bandwidth, period)
     return eqx.tree_at(lambda r: r.rows.measure, passed, record.rows.measure)
