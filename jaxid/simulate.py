@@ -17,10 +17,12 @@ from jaxid.sensing import Sensor
 from jaxid.system import Scalar, System
 from jaxid.trajectory import States
 
-# The classical Runge-Kutta tableau. All weights b are positive, so that means over a tick of
-# quantities that obey |Δ| ≤ δ obey it too.
-_NODES = (0.0, 0.5, 0.5, 1.0)
-_WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
+# Ralston's second-order tableau. All weights b are positive, so that means over a tick of
+# quantities that obey |Δ| ≤ δ obey it too. Ticks in which friction changes its sign limit the
+# accuracy: there the classical four stages are no better (both are within 1e-7 m of 40 steps per
+# tick) and take twice as long. The first stage is where the controller looks: it costs no friction.
+NODES = (0.0, 2 / 3)
+WEIGHTS = (1 / 4, 3 / 4)
 
 
 class Plant(eqx.Module):
@@ -144,7 +146,7 @@ def _runge_kutta(
 ) -> tuple[Scalar, Scalar, tuple[Scalar, ...]]:
     speeds, stages = [], []
     rate, gain = jnp.zeros_like(v), jnp.zeros_like(v)
-    for node in _NODES:
+    for node in NODES:
         at = moment._replace(time=moment.time + node * step)
         stage_y, stage_v = y + node * step * rate, v + node * step * gain
         rows = _rows(plant, at, stage_y, stage_v, u)
@@ -164,7 +166,7 @@ def _rows(plant: Plant, moment: Moment, y: Scalar, v: Scalar, u: Scalar) -> tupl
 
 
 def _weighted(values: Sequence[Scalar]) -> Scalar:
-    return _total([b * value for b, value in zip(_WEIGHTS, values, strict=True)])
+    return _total([b * value for b, value in zip(WEIGHTS, values, strict=True)])
 
 
 def _total(values: Sequence[Scalar]) -> Scalar:
