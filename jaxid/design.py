@@ -24,6 +24,7 @@ from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 Report = Callable[[str], None]
+Show = Callable[[JerkTrajectory], None]
 
 
 class Effort(NamedTuple):
@@ -89,6 +90,7 @@ def design(
     effort: Effort = Effort(),
     size: int | None = None,
     report: Report = lambda message: None,
+    show: Show = lambda trajectory: None,
 ) -> Design:
     """The best motion that many starts find together, and a polish of the best few.
 
@@ -106,6 +108,7 @@ def design(
         effort: how long to search.
         size: pad to this many intervals, so that several lengths share one compilation.
         report: told what goes on, a few words at a time.
+        show: handed the best admissible motion after each descent, and each polished one.
 
     Raises:
         InfeasibleError: if no motion of this length keeps the limits.
@@ -130,14 +133,20 @@ def design(
         found = _admissible(problem, deep, space, z)
         pool = found if pool is None else _best(pool, found)
         history.append(float(pool.values[0]))
+        show(_pick(pool, 0))
     assert pool is not None
     exact = problem if fine is None else Problem(fine, limits, boundary, axis)
-    value, best = _polished(exact, deep, pool, effort, report)
+    value, best = _polished(exact, deep, pool, effort, report, show)
     return Design(trimmed(best), value, tuple(history))
 
 
 def _polished(
-    problem: Problem, deep: JerkTrajectory, pool: _Pool, effort: Effort, report: Report
+    problem: Problem,
+    deep: JerkTrajectory,
+    pool: _Pool,
+    effort: Effort,
+    report: Report,
+    show: Show,
 ) -> tuple[float, JerkTrajectory]:
     polished = []
     for k in range(min(effort.polished, pool.values.size)):
@@ -145,6 +154,7 @@ def _polished(
         motion = polish(problem, deep, _pick(pool, k), effort.polish_steps)
         reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
         polished.append((float(reached), k, motion))
+        show(motion)
     value, _, best = min(polished)  # k decides between equals
     return value, best
 

@@ -7,7 +7,7 @@ from jaxtyping import PRNGKeyArray
 from jaxid.bound import Norm, individual, require_informative
 from jaxid.checks import require_float64
 from jaxid.control import Controller
-from jaxid.design import Design, Effort, Report, design
+from jaxid.design import Design, Effort, Report, Show, design
 from jaxid.estimate import Estimate, least_squares_estimate
 from jaxid.filters import filtered
 from jaxid.limits import Boundary, Limits, Prediction
@@ -41,6 +41,7 @@ def design_motion(
     effort: Effort = Effort(),
     size: int | None = None,
     report: Report = lambda message: None,
+    show: Show = lambda trajectory: None,
 ) -> Design:
     """(16): the motion within the limits whose worst-case least-squares error is smallest.
 
@@ -57,6 +58,7 @@ def design_motion(
         effort: how long to search.
         size: pad to this many intervals, so that several lengths share one compilation.
         report: told what goes on.
+        show: handed the best admissible motion after each descent, and each polished one.
     """
     require_float64("system", system)
     require_float64("limits", limits)
@@ -78,6 +80,7 @@ def design_motion(
         effort=effort,
         size=size,
         report=report,
+        show=show,
     )
 
 
