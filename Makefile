@@ -3,10 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep crosscheck test check clean
+.PHONY: reproduce sweep robust crosscheck bench bench-design test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
@@ -14,8 +15,17 @@ reproduce: $(READY)  ## the paper's tables and figures, into figures/
 sweep: $(READY)  ## J_f and tracking over horizons, bandwidths, gains and scenarios: data and heat maps
 	$(BIN)/python -m experiments.linear_motor.sweep
 
+robust: $(READY)  ## motions whose limits the axis itself keeps, sampled and proved; half an hour
+	$(BIN)/python -m experiments.linear_motor.robust
+
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 	$(BIN)/python -m experiments.linear_motor.crosscheck
+
+bench: $(BENCH)  ## how fast, compared with C and CasADi; under five minutes on an idle machine
+	$(BIN)/python -m experiments.bench
+
+bench-design: $(BENCH)  ## the design search beside IPOPT, cell by cell; goes on where it stopped
+	$(BIN)/python -m experiments.bench.design_against_ipopt
 
 test: $(READY)  ## every promise
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
@@ -36,4 +46,9 @@ $(READY): pyproject.toml constraints.txt
 	  { echo "$(PYTHON) cannot make virtual environments: install its venv module (Debian and Ubuntu: apt install python3-venv)."; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,check]'
+	@touch $@
+
+# CasADi, only here
+$(BENCH): $(READY)
+	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bench]'
 	@touch $@

@@ -49,6 +49,22 @@ assert {{path.name: path.read_bytes() for path in out.iterdir()}} == before
     assert all(size < 200_000 for size in sizes.values())
 
 
+def test_the_benchmarks_run(tmp_path):
+    assert "targets met" in run(["-m", "experiments.bench", "--toy", "--out", str(tmp_path)], ROOT)
+    assert (tmp_path / "bench.csv").exists()
+
+
+def test_the_comparison_with_ipopt_goes_on_where_it_stopped(tmp_path):
+    pytest.importorskip("casadi")
+    program = ["-m", "experiments.bench.design_against_ipopt", "--toy", "--processes", "1"]
+    program += ["--out", str(tmp_path)]
+    first = run(program, ROOT)
+    assert "IPOPT's best reached" in first
+    before = (tmp_path / "bench_design.csv").read_bytes()
+    assert run(program, ROOT) == first
+    assert (tmp_path / "bench_design.csv").read_bytes() == before
+
+
 def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):
     """Which chain goes on with which cell; the motions here are proved not to exist."""
     program = """
@@ -71,6 +87,9 @@ def test_every_program_explains_its_options():
     assert "--redraw" in run(["-m", "experiments.linear_motor", "--help"], ROOT)
     assert "--toy" in run(["-m", "experiments.linear_motor.crosscheck", "--help"], ROOT)
     assert "--process-id" in run(["-m", "experiments.linear_motor.sweep", "--help"], ROOT)
+    assert "--repetitions" in run(["-m", "experiments.bench", "--help"], ROOT)
+    assert "--again" in run(["-m", "experiments.bench.design_against_ipopt", "--help"], ROOT)
+    assert "--attacks" in run(["-m", "experiments.linear_motor.robust", "--help"], ROOT)
 
 
 @pytest.mark.parametrize(

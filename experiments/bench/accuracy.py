@@ -1,0 +1,44 @@
+"""What does one step per tick cost in accuracy, and how many arctangents does it take?"""
+
+import jax.numpy as jnp
+
+from experiments.bench.answers import AT_MOST, Answer
+from experiments.bench.closed_loop import TICKS
+from experiments.bench.loop_against_c import MOTION
+from jaxid import linear_motor as motor
+from jaxid.bound import least_squares, worst_case_error
+from jaxid.files import read_trajectory
+from jaxid.filters import filtered
+from jaxid.record import Record
+from jaxid.sensing import IdealSensor
+from jaxid.simulate import NODES, Signals, simulate
+from jaxid.trajectory import reference
+
+QUESTION = "accuracy"
+FINE = 10  # substeps per tick
+
+
+def ask() -> list[Answer]:
+    """Against ten steps per tick, on the exact motor with its cogging and friction."""
+    (coarse, seen), (fine, truth) = run(1), run(FINE)
+    errors = [error(record) for record in (coarse, fine)]
+    far = jnp.max(jnp.abs(seen.position - truth.position))
+    case = f"1 step per tick against {FINE}"
+    return [
+        Answer(QUESTION, case, "largest error of position, m", float(far), None, (AT_MOST, 1e-6)),
+        Answer(QUESTION, case, "relative error of J_f", float(abs(errors[0] / errors[1] - 1))),
+        Answer(QUESTION, "1 step per tick", "arctangents", float(len(NODES))),
+    ]
+
+
+def run(substeps: int) -> tuple[Record, Signals]:
+    """Three motions, as in the study."""
+    desired = reference(read_trajectory(MOTION), motor.CONTROL_PERIOD, TICKS, 3)
+    controller, sensor = motor.controller(), IdealSensor()
+    return simulate(motor.plant(), controller, sensor, desired, motor.CONTROL_PERIOD, substeps)
+
+
+def error(record: Record) -> float:
+    """J_f of the first parameter."""
+    rows = filtered(record, motor.BANDWIDTH, motor.CONTROL_PERIOD).rows
+    return float(worst_case_error(least_squares(rows), rows.delta)[0])

@@ -1,0 +1,89 @@
+"""How fast are many loops side by side on one processor, and how much faster on two?
+
+Every lane is a plant with parameters of its own on a motion of its own, from the jerk to log J_f.
+"""
+
+import functools
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from experiments.bench import compiled
+from experiments.bench.answers import AT_LEAST, AT_MOST, Answer, compared, per_step
+from experiments.bench.closed_loop import TICKS, loop_error, nominal
+from experiments.bench.loop_against_c import motion
+from experiments.bench.remote import Remote
+from experiments.bench.timing import Action, interleaved
+
+QUESTION = "batches"
+VECTOR = 8  # lanes of the vectorised loop.c: one register of AVX-512
+
+
+def ask(lanes: tuple[int, ...], repetitions: int) -> list[Answer]:
+    """Nanoseconds per plant and tick, and how they compare with loop.c."""
+    actions = {**jax_actions(lanes), **c_actions()}
+    times = interleaved(actions, repetitions)
+    counts = {name: int(name.split()[-1]) for name in times}
+    found = [per_step(QUESTION, name, one, TICKS * counts[name]) for name, one in times.items()]
+    rates = {name: one.least / counts[name] for name, one in times.items()}
+    best = min((name for name in times if name.startswith("jax")), key=lambda name: rates[name])
+    for name in times:
+        if name.startswith("c "):
+            pair = (times[best], times[name])
+            target = (AT_MOST, 2.5) if counts[name] == 1 else None
+            scale = counts[name] / counts[best]
+            found.append(compared(QUESTION, f"{best} / {name}", "per step", pair, target, scale))
+    return found
+
+
+def jax_actions(lanes: tuple[int, ...]) -> Mapping[str, Action]:
+    """`loop_error` under vmap."""
+    value = jax.jit(jax.vmap(functools.partial(loop_error, repeats=1)))
+    arguments = {count: plants(count) for count in lanes}
+    return {f"jax, lanes {count}": lambda a=a: value(*a) for count, a in arguments.items()}
+
+
+def c_actions() -> dict[str, Action]:
+    """loop.c for one lane, and for a register of lanes."""
+    if compiled.compiler() is None:
+        return {}
+    found: dict[str, Action] = {}
+    for name, count, flags in (
+        ("c lanes", 1, ()),
+        ("c lanes", VECTOR, ()),
+        ("c -ffast-math lanes", VECTOR, compiled.FAST_MATH),
+    ):
+        jerk, theta = (np.asarray(x).T for x in plants(count))
+        found[f"{name} {count}"] = compiled.Loop(1, count, *flags).value(jerk, theta)
+    return found
+
+
+def plants(count: int) -> tuple[Float[Array, "lanes n"], Float[Array, "lanes m"]]:
+    """Jerks and parameters that differ a little from lane to lane."""
+    share = 1 - 0.1 * np.arange(count)[:, None] / count
+    return jnp.asarray(share * motion()), jnp.asarray(share * np.asarray(nominal()))
+
+
+def ask_both(lanes: int, available: list[int], repetitions: int) -> list[Answer]:
+    """The same work on one processor and on two at once, in processes of their own."""
+    if len(available) < 2:
+        return []
+    make = functools.partial(jax_actions, (lanes,))
+    name = next(iter(make()))
+    with Remote(make, available[0]) as one, Remote(make, available[1]) as other:
+
+        def both() -> None:
+            one.start(name)
+            other.start(name)
+            one.wait()
+            other.wait()
+
+        alone = {"first": lambda: one.run(name), "second": lambda: other.run(name)}
+        times = interleaved({**alone, "both": both}, repetitions)
+    slower = max(times["first"], times["second"], key=lambda one: one.least)
+    case = f"{lanes} lanes on each of 2 processors"
+    pair = (slower, times["both"])
+    return [compared(QUESTION, case, "speed-up", pair, (AT_LEAST, 1.7), 2.0)]

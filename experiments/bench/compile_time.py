@@ -1,0 +1,105 @@
+"""How long does the design step compile: once for all horizons, cold and from JAX's cache?"""
+
+import functools
+import multiprocessing
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from experiments.bench.answers import AT_MOST, Answer
+from experiments.bench.timing import pin, processors
+from experiments.linear_motor.designs import STUDIED
+from jaxid import linear_motor as motor
+from jaxid.bound import individual
+from jaxid.descent import descend
+from jaxid.design import Effort
+from jaxid.feasible import motion_space
+from jaxid.objective import PlannedError
+from jaxid.problem import Problem
+from jaxid.runtime import configure
+from jaxid.system import Scalar
+from jaxid.trajectory import JerkTrajectory
+
+QUESTION = "compile_time"
+
+
+class Found(NamedTuple):
+    """Seconds until the first step of the first design is done, of all others, and traces."""
+
+    first: float
+    others: float
+    traces: int
+
+
+class Traces:
+    """A counter that is equal to no other: part of what a compilation is found by."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+
+class Counted(eqx.Module):
+    """An objective that counts how often it is traced."""
+
+    objective: PlannedError
+    traces: Traces = eqx.field(static=True)
+
+    def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
+        """The objective's value."""
+        self.traces.count += 1
+        return self.objective(trajectory, smoothing)
+
+
+def ask(horizons: tuple[int, ...]) -> list[Answer]:
+    """Two fresh processes: the first fills the cache that the second finds."""
+    with tempfile.TemporaryDirectory() as folder:
+        cold, cached = (_in_a_process(functools.partial(steps, folder, horizons)) for _ in range(2))
+    case = f"{len(horizons)} horizons, all parameters"
+    answer = functools.partial(Answer, QUESTION, case)
+    return [
+        answer("s, cold, first design", cold.first),
+        answer("s, cold, all others", cold.others),
+        answer("s, from the cache, first design", cached.first),
+        answer("s, from the cache, all others", cached.others),
+        answer("traces of the others", float(cold.traces), None, (AT_MOST, 0.0)),
+    ]
+
+
+def steps(folder: str, horizons: tuple[int, ...]) -> Found:
+    """One step of the default descent for every parameter and horizon, in a process of its own."""
+    pin(processors()[0])
+    configure()
+    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    traces = Traces()
+    cells = [(name, horizon) for horizon in horizons for name in STUDIED]
+    (first, *others) = cells
+    begin = time.perf_counter()
+    step(*first, traces)
+    middle, before = time.perf_counter(), traces.count
+    for cell in others:
+        step(*cell, traces)
+    return Found(middle - begin, time.perf_counter() - middle, traces.count - before)
+
+
+def step(name: str, horizon: int, traces: Traces) -> None:
+    """What `design` repeats: a stage of the descent, padded to the longest horizon."""
+    system, limits, boundary = motor.system(), motor.limits(), motor.boundary()
+    norm = individual(system.index(name), len(system.names))
+    speed = jnp.max(jnp.abs(limits.velocity))
+    objective = Counted(PlannedError(system, norm, speed, 5), traces)
+    size = 2 * max(motor.HORIZONS)
+    space = motion_space(limits, boundary, 2 * horizon, motor.KNOT_PERIOD, size)
+    z = jnp.zeros((Effort().starts, space.basis.shape[1]))
+    jax.block_until_ready(descend(Problem(objective, limits, boundary), space, z, 1, 1))
+
+
+def _in_a_process(action: Callable[[], Found]) -> Found:
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(action).result()

@@ -1,0 +1,110 @@
+"""`loop.c` and CasADi's generated C as Python functions, compiled when they are asked for."""
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import get_type_hints
+
+import numpy as np
+from jaxtyping import Float
+
+from experiments.bench import closed_loop
+from jaxid import simulate
+
+SOURCE = Path(__file__).with_name("loop.c")
+FLAGS = ("-O3", "-march=native")
+FAST_MATH = ("-ffast-math", "-mprefer-vector-width=512")
+
+Vector = Float[np.ndarray, " n"]
+Lanes = Float[np.ndarray, "n lanes"]
+
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+_M = 4
+
+
+class _Case(ctypes.Structure):
+    """`Case` of loop.c: the fields of `Numbers`, in their order."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_int if kind is int else ctypes.c_double * (_M if kind is not float else 1))
+        for name, kind in get_type_hints(closed_loop.Numbers).items()
+    )
+
+
+def compiler() -> str | None:
+    """The C compiler of this machine, if there is one."""
+    return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+
+def build(source: Path, library: Path, *flags: str) -> Path:
+    """Compile one file into a library."""
+    tool = compiler()
+    assert tool is not None, "there is no C compiler"
+    command = [tool, *FLAGS, *flags, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
+    subprocess.run(command, check=True, capture_output=True)
+    return library
+
+
+def loop_library(lanes: int = 1, *flags: str) -> ctypes.CDLL:
+    """loop.c for so many loops side by side, with the tableau of `jaxid.simulate`."""
+    nodes, weights = (",".join(map(repr, x)) for x in (simulate.NODES, simulate.WEIGHTS))
+    defined = (f"-DNODES={nodes}", f"-DWEIGHTS={weights}", f"-DSTAGES={len(simulate.NODES)}")
+    with tempfile.TemporaryDirectory() as folder:
+        named = (f"-DLANES={lanes}", *defined, "-fopenmp-simd", "-Wno-psabi")
+        return ctypes.CDLL(str(build(SOURCE, Path(folder) / "loop.so", *named, *flags)))
+
+
+class Loop:
+    """The loop by hand: `loop_error` of lanes, and for one lane its gradient."""
+
+    def __init__(self, repeats: int, lanes: int = 1, *flags: str) -> None:
+        """Compile; `flags` beyond -O3 -march=native must be named where times are shown."""
+        self._library = loop_library(lanes, *flags)
+        self._case = ctypes.byref(_case(repeats))
+        ticks = closed_loop.TICKS * repeats
+        self._value = np.zeros(lanes)
+        self._work = np.zeros(ticks * self._library.row_size() * lanes)
+        if lanes == 1:
+            self._kept = np.zeros(ticks * self._library.kept_size(), np.uint8)
+            self._gradient = np.zeros(closed_loop.INTERVALS)
+
+    def value(self, jerk: Lanes | Vector, theta: Lanes | Vector) -> Callable[[], Vector]:
+        """Log J of every lane; the lane is the last axis of both arguments."""
+        arguments = [np.ascontiguousarray(x) for x in (jerk, theta)]
+        pointers = [_pointer(x) for x in (*arguments, self._work, self._value)]
+
+        def run(arguments: list[np.ndarray] = arguments) -> Vector:
+            self._library.loop_value(self._case, *pointers)
+            return self._value
+
+        return run
+
+    def value_and_gradient(self, jerk: Vector, theta: Vector) -> Callable[[], tuple[float, Vector]]:
+        """Log J and its gradient in the jerk, of a single loop."""
+        arguments = [np.ascontiguousarray(x) for x in (jerk, theta)]
+        pointers = [_pointer(x) for x in (*arguments, self._work)]
+        kept = self._kept.ctypes.data_as(ctypes.c_void_p)
+        results = [_pointer(x) for x in (self._value, self._gradient)]
+
+        def run(arguments: list[np.ndarray] = arguments) -> tuple[float, Vector]:
+            self._library.loop_value_and_gradient(self._case, *pointers, kept, *results)
+            return float(self._value[0]), self._gradient
+
+        return run
+
+
+def _pointer(array: np.ndarray) -> object:
+    return array.ctypes.data_as(_DOUBLES)
+
+
+def _case(repeats: int) -> _Case:
+    case = _Case()
+    for name, value in closed_loop.numbers(repeats)._asdict().items():
+        if isinstance(value, int):
+            setattr(case, name, value)
+        else:
+            getattr(case, name)[:] = value if isinstance(value, tuple) else (value,)
+    return case

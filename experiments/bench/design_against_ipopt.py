@@ -1,0 +1,300 @@
+"""Which search finds the better motion, and how soon: ours or IPOPT's best of ten starts?
+
+Both searches of a cell run one after the other in one process that stays on one processor, and two
+such processes side by side. What is compiled before the first iteration is not counted: ours is
+compiled once for all cells, IPOPT's functions once per cell.
+"""
+
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.sharedctypes import Synchronized
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jaxtyping import Float, PRNGKeyArray
+from tqdm import tqdm
+
+from experiments.bench.timing import pin, processors
+from experiments.linear_motor.designs import STUDIED, TOY
+from jaxid import linear_motor as motor
+from jaxid.bound import individual
+from jaxid.design import Effort
+from jaxid.dwells import evolved
+from jaxid.experiment import design_motion
+from jaxid.feasible import interior, motion_space, walk
+from jaxid.files import Cell as Value
+from jaxid.files import read_table, write_table
+from jaxid.objective import PlannedError, planned_error
+from jaxid.problem import Problem
+from jaxid.report import text_table
+from jaxid.runtime import configure
+from jaxid.starts import random_starts
+from jaxid.trajectory import JerkTrajectory, uniform
+
+STARTS = 10
+COLUMNS = (
+    "parameter", "N", "J_ours", "J_ipopt", "ours_over_ipopt", "ipopt_s", "ipopt_best_s",
+    "ours_s", "ours_reached_s", "share_of_wall", "share_of_cpu", "ipopt_compile_s",
+)  # fmt: skip
+
+Row = dict[str, Value]
+Jerk = Float[np.ndarray, " n"]
+
+
+class Cell(NamedTuple):
+    """A parameter and a horizon of Table I."""
+
+    parameter: str
+    horizon: int
+
+    @property
+    def intervals(self) -> int:
+        """Of constant jerk."""
+        return 2 * self.horizon
+
+
+class Clock(NamedTuple):
+    """Seconds of wall time and of the processor's time."""
+
+    wall: float
+    cpu: float
+
+
+class Mark(NamedTuple):
+    """J of an admissible motion, and when it was there."""
+
+    error: float
+    clock: Clock
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Table I's feasible cells by both searches; the cells that `out` already holds are kept.
+
+    Attributes:
+        out: the folder of bench_design.csv.
+        seed: of all starts.
+        processes: how many cells are searched side by side.
+        again: forget the cells that are there.
+        toy: two starts and one stage: only shows that everything runs.
+    """
+
+    out: Path = Path("figures")
+    seed: int = 0
+    processes: int = 2
+    again: bool = False
+    toy: bool = False
+
+    @property
+    def path(self) -> Path:
+        """Of the table."""
+        return self.out / "bench_design.csv"
+
+
+def main(comparison: Comparison) -> None:
+    """Search the cells that are missing, saving each as soon as it is done; print the table."""
+    horizons = motor.HORIZONS[1:2] if comparison.toy else motor.HORIZONS[1:]
+    names = STUDIED[:1] if comparison.toy else STUDIED
+    cells = [Cell(name, horizon) for name in names for horizon in horizons]
+    rows = {} if comparison.again else saved(comparison.path)
+    missing = [cell for cell in cells if cell not in rows]
+    with tqdm(total=len(missing), desc="cells") as progress:
+        for cell, row in searched(comparison, missing):
+            rows[cell] = row
+            ordered = [rows[c] for c in cells if c in rows]
+            write_table(comparison.path, COLUMNS, ordered)
+            progress.update()
+    shown = [[rows[cell][name] for name in COLUMNS] for cell in cells]
+    print(text_table(COLUMNS, shown, "Design search: ours and IPOPT's best of ten starts"))
+    print("\n".join(verdicts([rows[cell] for cell in cells])))
+
+
+def saved(path: Path) -> dict[Cell, Row]:
+    """The rows of an earlier, possibly unfinished run."""
+    if not path.exists():
+        return {}
+    numbers = [name for name in COLUMNS if name not in ("parameter", "N")]
+    rows: dict[Cell, Row] = {}
+    for text in read_table(path):
+        cell = Cell(text["parameter"], int(text["N"]))
+        values = {name: float(text[name]) if text[name] else None for name in numbers}
+        rows[cell] = {"parameter": cell.parameter, "N": cell.horizon, **values}
+    return rows
+
+
+def verdicts(rows: list[Row]) -> list[str]:
+    """The two targets in words."""
+    better = sum(float(row["ours_over_ipopt"] or 2) <= 1 for row in rows)
+    sooner = sum(float(row["share_of_wall"] or 2) <= 0.25 for row in rows)
+    return [
+        f"J* at or below IPOPT's in {better} of {len(rows)} cells (target: all).",
+        f"IPOPT's best reached in a quarter of its time in {sooner} of {len(rows)} (target: all).",
+    ]
+
+
+def searched(comparison: Comparison, cells: list[Cell]) -> Iterator[tuple[Cell, Row]]:
+    """The rows as they come."""
+    if comparison.processes == 1:
+        _compile(comparison.toy)
+        for cell in cells:
+            yield cell, compare(cell, comparison.seed, comparison.toy)
+        return
+    context = multiprocessing.get_context("spawn")
+    arguments = (context.Value("i", 0), comparison.toy)
+    with ProcessPoolExecutor(comparison.processes, context, _begin, arguments) as pool:
+        futures = {
+            pool.submit(compare, cell, comparison.seed, comparison.toy): cell for cell in cells
+        }
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+
+
+def compare(cell: Cell, seed: int, toy: bool) -> Row:
+    """Both searches of one cell, IPOPT first."""
+    from experiments.bench.shooting import LADDER, Program
+
+    begin = time.perf_counter()
+    program = Program(cell.parameter, cell.intervals, LADDER[:1] if toy else LADDER)
+    compiled = time.perf_counter() - begin
+    ipopt, whole_ipopt = by_ipopt(cell, program.solve, starts(cell, seed, 2 if toy else STARTS))
+    ours, whole_ours = by_us(cell, seed, _effort(toy))
+    goal, best = min(ipopt), min(ours)
+    reached = next((mark.clock for mark in ours if mark.error <= goal.error), None)
+    return {
+        "parameter": cell.parameter,
+        "N": cell.horizon,
+        "J_ours": best.error,
+        "J_ipopt": goal.error,
+        "ours_over_ipopt": best.error / goal.error,
+        "ipopt_s": whole_ipopt.wall,
+        "ipopt_best_s": goal.clock.wall,
+        "ours_s": whole_ours.wall,
+        "ours_reached_s": reached and reached.wall,
+        "share_of_wall": reached and reached.wall / whole_ipopt.wall,
+        "share_of_cpu": reached and reached.cpu / whole_ipopt.cpu,
+        "ipopt_compile_s": compiled,
+    }
+
+
+def by_ipopt(
+    cell: Cell, solve: Callable[[Jerk], Jerk], begin: list[Jerk]
+) -> tuple[list[Mark], Clock]:
+    """J of every start's result, walked back into the exact limits as ours are."""
+    limits, boundary = motor.limits(), motor.boundary()
+    inside = interior(limits, boundary, cell.intervals, motor.KNOT_PERIOD)
+    stopwatch, marks = Stopwatch(), []
+    for jerk in begin:
+        found = uniform(boundary.start, jnp.asarray(solve(jerk)), motor.KNOT_PERIOD)
+        with stopwatch.stopped():
+            marks.append(Mark(error(cell, walk(limits, boundary, inside, found)), stopwatch.clock))
+    return marks, stopwatch.clock
+
+
+def by_us(cell: Cell, seed: int, effort: Effort) -> tuple[list[Mark], Clock]:
+    """J of the best motion after every descent, and of the polished ones."""
+    stopwatch, marks = Stopwatch(), []
+
+    def show(trajectory: JerkTrajectory) -> None:
+        with stopwatch.stopped():
+            marks.append(Mark(error(cell, trajectory), stopwatch.clock))
+
+    design_motion(
+        motor.system(),
+        motor.limits(),
+        motor.boundary(),
+        cell.parameter,
+        cell.intervals,
+        motor.KNOT_PERIOD,
+        _key(cell, seed),
+        effort=effort,
+        size=2 * max(motor.HORIZONS),
+        show=show,
+    )
+    return marks, stopwatch.clock
+
+
+def starts(cell: Cell, seed: int, count: int) -> list[Jerk]:
+    """Half of them random, half of them dwells in random order."""
+    limits, boundary, system = motor.limits(), motor.boundary(), motor.system()
+    space = motion_space(limits, boundary, cell.intervals, motor.KNOT_PERIOD)
+    norm = individual(system.index(cell.parameter), len(system.names))
+    problem = Problem(PlannedError(system, norm, jnp.asarray(1.0), 1), limits, boundary)
+    random, dwells = jax.random.split(_key(cell, seed))
+    z = jnp.concatenate(
+        [
+            random_starts(random, space, count // 2),
+            evolved(dwells, problem, space, count - count // 2, generations=0),
+        ]
+    )
+    return [np.asarray(space.trajectory(coordinates).jerk) for coordinates in z]
+
+
+def error(cell: Cell, trajectory: JerkTrajectory) -> float:
+    """J* of the parameter that a cell is for, with the exact δ."""
+    return float(planned_error(motor.system(), trajectory)[motor.system().index(cell.parameter)])
+
+
+class Stopwatch:
+    """Wall and processor time since it was made, without the time that it was stopped."""
+
+    def __init__(self) -> None:
+        self._begin = self._now()
+
+    @property
+    def clock(self) -> Clock:
+        """What it shows; while it is stopped, when it was stopped."""
+        now = self._now() if self._held is None else self._held
+        return Clock(now.wall - self._begin.wall, now.cpu - self._begin.cpu)
+
+    _held: Clock | None = None
+
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Do not count what happens inside."""
+        self._held = self._now()
+        yield
+        now = self._now()
+        self._begin = Clock(
+            self._begin.wall + now.wall - self._held.wall,
+            self._begin.cpu + now.cpu - self._held.cpu,
+        )
+        self._held = None
+
+    @staticmethod
+    def _now() -> Clock:
+        return Clock(time.perf_counter(), time.process_time())
+
+
+def _key(cell: Cell, seed: int) -> PRNGKeyArray:
+    key = jax.random.fold_in(jax.random.key(seed), cell.horizon)
+    return jax.random.fold_in(key, motor.system().index(cell.parameter))
+
+
+def _effort(toy: bool) -> Effort:
+    return TOY if toy else Effort()
+
+
+def _begin(counter: "Synchronized[int]", toy: bool) -> None:
+    """One processor per process, and everything of ours compiled: one trace serves all cells."""
+    configure()
+    with counter.get_lock():
+        pin(processors()[counter.value % len(processors())])
+        counter.value += 1
+    _compile(toy)
+
+
+def _compile(toy: bool) -> None:
+    by_us(Cell(STUDIED[0], motor.HORIZONS[1]), 0, _effort(toy))
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Comparison))

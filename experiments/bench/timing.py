@@ -1,0 +1,70 @@
+"""Fair times on a machine that stalls: all interleaved, minima first, medians beside them."""
+
+import os
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import jax
+
+Action = Callable[[], object]
+
+
+class Times(NamedTuple):
+    """Seconds that one action took, repetition by repetition; interleaved with the others'."""
+
+    seconds: tuple[float, ...]
+
+    @property
+    def least(self) -> float:
+        """What it takes when nothing disturbs it."""
+        return min(self.seconds)
+
+    @property
+    def median(self) -> float:
+        """What it takes as a rule."""
+        return statistics.median(self.seconds)
+
+
+class Ratio(NamedTuple):
+    """One time over another: of their minima, and of their medians."""
+
+    least: float
+    median: float
+
+
+def ratio(above: Times, below: Times, scale: float = 1.0) -> Ratio:
+    """`scale` times above / below."""
+    return Ratio(scale * above.least / below.least, scale * above.median / below.median)
+
+
+def interleaved(actions: Mapping[str, Action], repetitions: int) -> dict[str, Times]:
+    """Every action once to warm up, then all of them in turn, `repetitions` times."""
+    seconds: dict[str, list[float]] = {name: [] for name in actions}
+    for action in actions.values():
+        action()
+    for _ in range(repetitions):
+        for name, action in actions.items():
+            seconds[name].append(timed(action))
+    return {name: Times(tuple(values)) for name, values in seconds.items()}
+
+
+def timed(action: Action) -> float:
+    """Seconds until the result is there."""
+    begin = time.perf_counter()
+    jax.block_until_ready(action())
+    return time.perf_counter() - begin
+
+
+def processors() -> list[int]:
+    """Those that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def pin(processor: int) -> None:
+    """Stay on one processor, where the system can be told so; before JAX starts its threads."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {processor})
