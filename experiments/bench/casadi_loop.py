@@ -86,7 +86,7 @@ def _log_error(c: closed_loop.Numbers, jerk: Any, theta: Vector) -> Any:
     unit[c.target] = 1
     mixture = ca.mtimes(ca.inv(ca.mtimes(phi, phi.T) * c.period), unit)
     g = ca.mtimes(mixture.T, phi) * c.period
-    corner = c.smoothing * ca.sum2(ca.fabs(g)) / ticks
+    corner = c.smoothing * ca.sqrt(ca.sumsqr(g) / ticks)
     return ca.log(ca.sum2(ca.sqrt(g**2 + corner**2) * delta))
 
 

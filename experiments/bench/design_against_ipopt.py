@@ -25,11 +25,12 @@ from tqdm import tqdm
 from experiments.bench.timing import pin, processors
 from experiments.linear_motor.designs import STUDIED, TOY
 from jaxid import linear_motor as motor
+from jaxid.admissible import walk
 from jaxid.bound import individual
 from jaxid.design import Effort
 from jaxid.dwells import evolved
 from jaxid.experiment import design_motion
-from jaxid.feasible import interior, motion_space, walk
+from jaxid.feasible import interior, motion_space
 from jaxid.files import Cell as Value
 from jaxid.files import read_table, write_table
 from jaxid.objective import PlannedError, planned_error
@@ -188,13 +189,13 @@ def by_ipopt(
     cell: Cell, solve: Callable[[Jerk], Jerk], begin: list[Jerk]
 ) -> tuple[list[Mark], Clock]:
     """J of every start's result, walked back into the exact limits as ours are."""
-    limits, boundary = motor.limits(), motor.boundary()
-    inside = interior(limits, boundary, cell.intervals, motor.KNOT_PERIOD)
+    problem = _problem(cell)
+    inside = interior(problem.limits, problem.boundary, cell.intervals, motor.KNOT_PERIOD)
     stopwatch, marks = Stopwatch(), []
     for jerk in begin:
-        found = uniform(boundary.start, jnp.asarray(solve(jerk)), motor.KNOT_PERIOD)
+        found = uniform(problem.boundary.start, jnp.asarray(solve(jerk)), motor.KNOT_PERIOD)
         with stopwatch.stopped():
-            marks.append(Mark(error(cell, walk(limits, boundary, inside, found)), stopwatch.clock))
+            marks.append(Mark(error(cell, walk(problem, inside, found)), stopwatch.clock))
     return marks, stopwatch.clock
 
 
@@ -221,12 +222,18 @@ def by_us(cell: Cell, seed: int, effort: Effort) -> tuple[list[Mark], Clock]:
     return marks, stopwatch.clock
 
 
+def _problem(cell: Cell) -> Problem:
+    """A crude grid is enough to make starts and to know the limits."""
+    system = motor.system()
+    norm = individual(system.index(cell.parameter), len(system.names))
+    objective = PlannedError(system, norm, jnp.asarray(1.0), 1)
+    return Problem(objective, motor.limits(), motor.boundary())
+
+
 def starts(cell: Cell, seed: int, count: int) -> list[Jerk]:
     """Half of them random, half of them dwells in random order."""
-    limits, boundary, system = motor.limits(), motor.boundary(), motor.system()
-    space = motion_space(limits, boundary, cell.intervals, motor.KNOT_PERIOD)
-    norm = individual(system.index(cell.parameter), len(system.names))
-    problem = Problem(PlannedError(system, norm, jnp.asarray(1.0), 1), limits, boundary)
+    problem = _problem(cell)
+    space = motion_space(problem.limits, problem.boundary, cell.intervals, motor.KNOT_PERIOD)
     random, dwells = jax.random.split(_key(cell, seed))
     z = jnp.concatenate(
         [

@@ -152,8 +152,11 @@ static Bound bound_of(const Case *c, const Real *rows, int n) {
         for (int j = 0; j < M; j++) b.P[i][j] = P[i < j ? i : j][i < j ? j : i] * c->period;
     unit[c->target] = zero + 1;
     solve(b.P, unit, b.mixture);
-    for (int k = 0; k < n; k++) sum += size(weight_of(c, &b, rows + W * k));
-    b.corner = c->smoothing * sum / n;
+    for (int k = 0; k < n; k++) {
+        const Real g = weight_of(c, &b, rows + W * k);
+        sum += g * g;
+    }
+    b.corner = c->smoothing * root(sum / n);
     b.error = zero;
     for (int k = 0; k < n; k++) {
         const Real g = weight_of(c, &b, rows + W * k);
@@ -175,20 +178,20 @@ void loop_value(const Case *c, const Real *jerk, const Real *theta, Real *work, 
 
 int kept_size(void) { return sizeof(Kept); }
 
-/* What the adjoints of P and of the corner add to every row: S = P̄ + P̄ᵀ, and the slope of |g|. */
+/* What the adjoints of P and of the corner add to every row: S = P̄ + P̄ᵀ, and a share of g. */
 static double bound_adjoint(const Case *c, const Bound *b, const double *rows, int n, double S[M][M]) {
-    double corner_bar = 0, straight[M] = {0}, signs[M] = {0}, mixture_bar[M], z[M];
+    double corner_bar = 0, straight[M] = {0}, sums[M] = {0}, mixture_bar[M], z[M];
     for (int k = 0; k < n; k++) {
         const double *r = rows + W * k, g = weight_of(c, b, r);
         const double share = r[M] / (sqrt(g * g + b->corner * b->corner) * b->error);
         corner_bar += b->corner * share;
         for (int j = 0; j < M; j++) {
             straight[j] += g * share * r[j];
-            signs[j] += g < 0 ? -r[j] : r[j];
+            sums[j] += g * r[j];
         }
     }
-    const double slide = corner_bar * c->smoothing / n;
-    for (int j = 0; j < M; j++) mixture_bar[j] = c->period * (straight[j] + slide * signs[j]);
+    const double slide = corner_bar * c->smoothing * c->smoothing / (n * b->corner);
+    for (int j = 0; j < M; j++) mixture_bar[j] = c->period * (straight[j] + slide * sums[j]);
     solve(b->P, mixture_bar, z);
     for (int i = 0; i < M; i++)
         for (int j = 0; j < M; j++) S[i][j] = -(z[i] * b->mixture[j] + b->mixture[i] * z[j]);
@@ -200,7 +203,7 @@ static inline void row_adjoint(
     const Case *c, const Bound *b, const double S[M][M], double slide, const double *r, double bar[W]
 ) {
     const double g = weight_of(c, b, r), hypotenuse = sqrt(g * g + b->corner * b->corner);
-    const double g_bar = g * r[M] / (hypotenuse * b->error) + copysign(slide, g);
+    const double g_bar = g * r[M] / (hypotenuse * b->error) + slide * g;
     for (int i = 0; i < M; i++) {
         bar[i] = g_bar * b->mixture[i];
         for (int j = 0; j < M; j++) bar[i] += S[i][j] * r[j];

@@ -126,7 +126,8 @@ def _guess(index: int, jerk: Vector, stage: Stage) -> tuple[Vector, float, float
     rows = rows_of(softened(system, stage.smoothing * _top_speed() + step), states, weights)
     phi, weights = np.asarray(rows.regressors) * half, np.asarray(weights)
     mixture = np.linalg.solve(phi.T * weights @ phi, np.eye(len(half))[index])
-    corner = 2 * stage.smoothing * float(np.abs(phi @ mixture) @ weights) / float(weights.sum())
+    square = float((phi @ mixture) ** 2 @ weights) / float(weights.sum())
+    corner = 2 * stage.smoothing * square**0.5
     knots = [np.asarray(x) for x in trajectory.knot_states()]
     scaled = [x / unit for x, unit in zip([*knots, jerk], _units(), strict=True)]
     error = float(planned_error(system, trajectory, 64)[index])
