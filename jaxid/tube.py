@@ -23,7 +23,7 @@ becomes (λ − ακ)q₋/h + (κ⁺ − λ)q/h, α being the factor of s or p, 
 If e, s̃, p̃ and g lie in ranges at a tick, interval arithmetic gives ranges at the next; s̃ and
 p̃ − k₁e are the same number, so what the range of either excludes is excluded. The right-hand sides
 are affine in 1/M, in M̂ and in K for given other values, so their extremes lie at ends of these. At
-t = 0 the axis rests on the reference and all is zero: by induction the ranges hold at every tick,
+t = 0 the axis rests where the reference is, so e = g = 0 and s = p = −v*: by induction the ranges hold at every tick,
 for every θ in the cell of Ω_θ that M and θ_f were taken from, every Δ within δ, and every error of
 the sensor. The tube is the union over cells that cover Ω_θ: small ones lose little of what M,
 friction and p have to do with one another.
@@ -186,8 +186,8 @@ def _one_cell(tube: Tube, now: _Now, theta: Range) -> Envelope:
     moves = law.gamma > 0
     hat = Range(jnp.where(moves, box.lower, box.centre), jnp.where(moves, box.upper, box.centre))
     cell = _Cell(law, tube.period, theta, hat, tube.sensor.error())
-    zero = jnp.zeros(())
-    rest = _State(exactly(zero), exactly(zero), exactly(zero), exactly(zero), zero)
+    zero, slow = exactly(jnp.zeros(())), exactly(-now.at.velocity[0])
+    rest = _State(zero, slow, slow, zero, jnp.zeros(()))
     _, found = jax.lax.scan(lambda state, now: _tick(cell, state, now), rest, now)
     before = Range(*(jnp.append(0.0, x[:-1]) for x in found.input))
     rate = jax.tree.map(lambda x: x / tube.period, minus(found.input, before))

@@ -140,7 +140,8 @@ def test_the_shipped_designs_are_the_best_that_longer_searches_find(figures):
     shipped = [row for row in read_table(figures / "table1.csv") if row["J_star"]]
     for row, own in zip(crosscheck, shipped, strict=True):
         assert (row["parameter"], row["N"]) == (own["parameter"], own["N"])
-        assert row["J_star"] == own["J_star"]  # or the crosscheck is of other designs
+        # or the crosscheck is of other designs; another compilation moves J by 1e-11
+        assert float(row["J_star"]) == pytest.approx(float(own["J_star"]), rel=1e-8)
         found = [float(row[name]) for name in searches]
         assert max(found) <= 1.005 * min(found)
         assert float(own["J_star"]) <= 1.01 * min(found)

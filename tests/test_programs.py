@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from jaxid.files import read_table
+
 ROOT = Path(__file__).parent.parent
 
 
@@ -63,6 +65,18 @@ def test_the_comparison_with_ipopt_goes_on_where_it_stopped(tmp_path):
     before = (tmp_path / "bench_design.csv").read_bytes()
     assert run(program, ROOT) == first
     assert (tmp_path / "bench_design.csv").read_bytes() == before
+
+
+def test_the_robust_program_leaves_its_table_and_motions(tmp_path):
+    """The motion with a proved tube keeps its limits even after hardly any search."""
+    printed = run(["-m", "experiments.linear_motor.robust", "--toy", "--out", str(tmp_path)], ROOT)
+    rows = read_table(tmp_path / "robust.csv")
+    assert [row["limits"] for row in rows] == ["18", "sampled", "proved"]
+    sides = ("position", "velocity", "input")
+    assert all(int(rows[2][f"searched_beyond_{side}"]) == 0 for side in sides)
+    assert int(rows[0]["searched_beyond_velocity"]) > 0
+    assert "by proof" in printed
+    assert (tmp_path / "robust_proved_M_N30.csv").exists()
 
 
 def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):

@@ -15,6 +15,7 @@ from jaxid.loop import Loop, Sampled, every, random_parameters, vertices
 from jaxid.ranges import Range
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.system import ConstantBound
+from jaxid.trajectory import uniform
 from jaxid.tube import Tube, _peak, cells
 
 REPEATS = 2
@@ -147,6 +148,16 @@ def test_it_holds_for_a_rotary_axis_with_gravity():
     shares = [share(a, b) for a, b in zip(found, tube, strict=True)]
     assert max(shares) <= 1
     assert shares[2] > 0.6
+
+
+def test_it_holds_for_a_reference_that_begins_at_speed_and_jumps_back(own, encoder):
+    """The axis begins at rest all the same, and again and again."""
+    law = motor_law(k1=50.0)
+    motion = uniform(jnp.array([0.1, 0.3, 2.0]), jnp.full(20, -50.0), 0.01)
+    tube = tube_of(motion, law, encoder, (4, 2, 2, 2), ticks=1000)
+    found = seen(motion, law, encoder, own, ticks=1000)
+    assert max(share(a, b) for a, b in zip(found, tube, strict=True)) <= 1
+    assert share(found.velocity, tube.velocity) > 0.9
 
 
 def test_smaller_cells_make_a_narrower_tube(motion, encoder, proved):

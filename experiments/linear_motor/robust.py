@@ -59,6 +59,11 @@ class Robust:
     seed: int = 0
     toy: bool = False
 
+    @property
+    def periods(self) -> int:
+        """How often a motion is run."""
+        return 1 if self.toy else PERIODS
+
 
 def main(options: Robust) -> None:
     """Design, check, save, print."""
@@ -83,7 +88,7 @@ def designs(options: Robust, name: str) -> list[tuple[str, JerkTrajectory]]:
         cells(motor.system(), (2, 1, 1, 1) if options.toy else CELLS),
         motor.CONTROL_PERIOD,
         count,
-        PERIODS,
+        options.periods,
     )
     proved = improved(options, name, axis_limits(), tube, start(options, name, PROVED_MARGINS))
     return [("18", by_18), ("sampled", sampled(options, name, count)), ("proved", proved)]
@@ -132,8 +137,8 @@ def improved(
 def sampled(options: Robust, name: str, count: int) -> JerkTrajectory:
     """Farther and farther inside until none of the plants of one seed leaves the limits."""
     limits, system = axis_limits(), motor.system()
-    kinds = [NoDisturbance(), pushing(), square_wave(PERIODS * count, 100)]
-    axis = Sampled(loop(IdealSensor(), count), every(system, vertices(system), kinds))
+    kinds = [NoDisturbance(), pushing(), square_wave(options.periods * count, 100)]
+    axis = Sampled(loop(options, IdealSensor(), count), every(system, vertices(system), kinds))
     motion = start(options, name, SAMPLED_MARGINS)
     inwards = jnp.full(3, 1e-3)
     for _ in range(1 if options.toy else ROUNDS):
@@ -167,12 +172,12 @@ def beyond(
     first, second = jax.random.split(jax.random.key(seed))
     kinds: list[Disturbance] = [NoDisturbance(), motor.plant().disturbance, pushing()]
     plants, attacks = (8, 6) if options.toy else (options.plants, options.attacks)
-    ideal = loop(IdealSensor(), count)
+    ideal = loop(options, IdealSensor(), count)
     groups = (
-        random_scenarios(first, system, kinds, PERIODS * count, plants),
+        random_scenarios(first, system, kinds, options.periods * count, plants),
         adversaries(ideal, system, limits, motion, second, attacks),
     )
-    real = loop(Encoder(motor.ENCODER_RESOLUTION), count, substeps=1 if options.toy else 10)
+    real = loop(options, Encoder(motor.ENCODER_RESOLUTION), count, 1 if options.toy else 10)
     one, other = (np.asarray(excesses(real, group, limits, motion)) for group in groups)
     return one, other
 
@@ -182,10 +187,10 @@ def pushing() -> AgainstTracking:
     return AgainstTracking(motor.provable_controller().k1)
 
 
-def loop(sensor: Sensor, count: int, substeps: int = 1) -> Loop:
+def loop(options: Robust, sensor: Sensor, count: int, substeps: int = 1) -> Loop:
     """The experiment of the paper, with the law that has a tube."""
     law = motor.provable_controller()
-    return Loop(law, sensor, motor.CONTROL_PERIOD, count, PERIODS, substeps)
+    return Loop(law, sensor, motor.CONTROL_PERIOD, count, options.periods, substeps)
 
 
 if __name__ == "__main__":
