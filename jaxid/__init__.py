@@ -33,7 +33,7 @@ trajectory
     sensing <- filters, record, system, trajectory
     disturbance <- system
     control <- checks, sensing, system, trajectory
-    tube <- control, limits, ranges, sensing, system, trajectory
+    tube <- checks, control, limits, ranges, sensing, system, trajectory
     simulate <- control, disturbance, record, sensing, system, trajectory
     loop <- control, disturbance, limits, ranges, record, sensing, simulate, system, trajectory
     adversary <- disturbance, limits, loop, simulate, system, trajectory

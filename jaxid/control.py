@@ -70,6 +70,13 @@ class ARC(Controller):
                     f"Argument `{name}` must be positive, but is {float(value):g}.",
                 )
 
+        if is_concrete(self.gamma):
+            require(
+                bool(jnp.all(self.gamma >= 0)),
+                "Argument `gamma` must have no negative entry, but is "
+                f"{jnp.asarray(self.gamma).tolist()}.",
+            )
+
     def initial(self) -> tuple[Scalar, ...]:
         """θ̂ at the centre of Ω_θ."""
         centre = self.system.centre

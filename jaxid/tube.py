@@ -19,14 +19,15 @@ of f and Δ, Δx* the change of the reference, and r = ∫₀ʰ(h − t)v̇ dt �
 Each is an identity. Noise that is differenced nearly cancels from tick to tick, so s and p are
 followed as s̃ = s + κq₋/h and p̃ = p + κq₋/h with any numbers κ that are known beforehand: −λn then
 becomes (λ − ακ)q₋/h + (κ⁺ − λ)q/h, α being the factor of s or p, and is small where κ is near λ.
+(The κ are numbers that do not depend on the plant: middles of ranges.)
 
 If e, s̃, p̃ and g lie in ranges at a tick, interval arithmetic gives ranges at the next; s̃ and
 p̃ − k₁e are the same number, so what the range of either excludes is excluded. The right-hand sides
-are affine in 1/M, in M̂ and in K for given other values, so their extremes lie at ends of these. At
-t = 0 the axis rests where the reference is, so e = g = 0 and s = p = −v*: by induction the ranges hold at every tick,
-for every θ in the cell of Ω_θ that M and θ_f were taken from, every Δ within δ, and every error of
-the sensor. The tube is the union over cells that cover Ω_θ: small ones lose little of what M,
-friction and p have to do with one another.
+are affine in each of 1/M, M̂ and K, the others held, so their extremes lie at ends of these. At
+t = 0 the axis rests where the reference is, so e = g = 0 and s = p = −v*: by induction the ranges
+hold at every tick, for every θ in the cell of Ω_θ that M and θ_f were taken from, every Δ within δ
+and every error of the sensor. The tube is the union over cells that cover Ω_θ: small ones lose
+little of what M, friction and p have to do with one another.
 
 Within a tick f̄, Δ̄ and v̇ are bounded over speeds that the axis cannot leave in one tick: if |v̇| ≤ A
 as long as v stays within w of where it was, and hA ≤ w, then it does. Where no such w is found the
@@ -43,6 +44,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxid.checks import require_float64
 from jaxid.control import ARC
 from jaxid.limits import Envelope, Prediction
 from jaxid.ranges import (
@@ -61,7 +63,9 @@ from jaxid.sensing import Sensor, SensorError
 from jaxid.system import Scalar, System
 from jaxid.trajectory import JerkTrajectory, States, reference
 
-_ROUNDING = 1e-12  # m and m/s, outward at every tick: far more than all roundings of one
+# outward at every tick and of every result, relative to 1 and to what is rounded: far more than all
+# roundings of one tick
+_ROUNDING = 1e-13
 
 
 class Cells(eqx.Module):
@@ -97,9 +101,10 @@ class Tube(Prediction):
     """The ranges above along a motion: a proof for every plant of Ω_θ × {|Δ| ≤ δ}.
 
     Attributes:
-        controller: with its model; θ̂ may be anywhere in Ω_θ where it adapts, and is best frozen.
+        controller: the law of `ARC` itself, none derived from it; θ̂ may be anywhere in Ω_θ where it
+            adapts, and is best frozen.
         sensor: what the controller sees.
-        cells: that cover Ω_θ.
+        cells: that cover Ω_θ; what they leave out is not proved.
         period: of the controller, s.
         ticks: of one motion.
         repeats: how many times it is run, back to back, from rest.
@@ -117,6 +122,8 @@ class Tube(Prediction):
         return self.controller.system
 
     def __call__(self, trajectory: JerkTrajectory) -> Envelope:
+        require_float64("trajectory", trajectory)
+        require_float64("cells", self.cells)
         return _merged(self, trajectory)
 
 
@@ -168,7 +175,8 @@ def _merged(tube: Tube, trajectory: JerkTrajectory) -> Envelope:
         # a range that is no number bounds nothing
         lower = jnp.where(jnp.isnan(x.lower), -jnp.inf, x.lower).reshape(-1, tube.ticks)
         upper = jnp.where(jnp.isnan(x.upper), jnp.inf, x.upper).reshape(-1, tube.ticks)
-        return Range(jnp.min(lower, axis=0), jnp.max(upper, axis=0))
+        found = Range(jnp.min(lower, axis=0), jnp.max(upper, axis=0))
+        return plus(found, around(_ROUNDING * (1 + size(found).upper)))
 
     return Envelope(*map(union, found))
 
@@ -245,7 +253,8 @@ def _next(
         keep = 1 + b - h * K * inverse
         parts = scaled(keep, p), scaled(-k1 * b, e), shaken(keep), scaled(k1, remainder)
         combined.append(plus(*parts, common_part))
-    spare = around(jnp.asarray(_ROUNDING))
+    # the coarsest rounding is that of a difference of positions over one tick
+    spare = around(_ROUNDING * (1 + jnp.abs(now.at.position) / h))
     moved = scaled(h, plus(p, around(shift * cell.jitter)))
     e = plus(scaled(1 - h * k1, e), moved, remainder, spare)
     s, p = plus(hull(*speeds), spare), plus(hull(*combined), spare)

@@ -193,3 +193,5 @@ def test_pd_with_feedforward_tracks_too(motion):
 def test_gains_must_be_positive():
     with pytest.raises(ValueError, match="`k1` must be positive, but is -1"):
         ARC(motor.system(), k1=-1.0, k2=1.0, epsilon=1.0, gamma=jnp.ones(4))
+    with pytest.raises(ValueError, match=r"`gamma` must have no negative entry, but is \[0\.0, -1"):
+        ARC(motor.system(), k1=1.0, k2=1.0, epsilon=1.0, gamma=jnp.array([0.0, -1.0, 1.0, 1.0]))
