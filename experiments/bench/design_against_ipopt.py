@@ -1,10 +1,12 @@
 """Which search finds the better motion, and how soon: ours or IPOPT's best of ten starts?
 
 Both searches of a cell run one after the other in one process that stays on one processor, and two
-such processes side by side. What is compiled before the first iteration is not counted: ours is
-compiled once for all cells, IPOPT's functions once per cell.
+such processes side by side. What is compiled before the first iteration is not counted: ours once
+per horizon (a shorter search comes before; padding would share one compilation, but then short
+motions take as long as long ones), IPOPT's functions once per cell.
 """
 
+import functools
 import multiprocessing
 import time
 from collections.abc import Callable, Iterator
@@ -144,13 +146,12 @@ def verdicts(rows: list[Row]) -> list[str]:
 def searched(comparison: Comparison, cells: list[Cell]) -> Iterator[tuple[Cell, Row]]:
     """The rows as they come."""
     if comparison.processes == 1:
-        _compile(comparison.toy)
         for cell in cells:
             yield cell, compare(cell, comparison.seed, comparison.toy)
         return
     context = multiprocessing.get_context("spawn")
-    arguments = (context.Value("i", 0), comparison.toy)
-    with ProcessPoolExecutor(comparison.processes, context, _begin, arguments) as pool:
+    counter = (context.Value("i", 0),)
+    with ProcessPoolExecutor(comparison.processes, context, _begin, counter) as pool:
         futures = {
             pool.submit(compare, cell, comparison.seed, comparison.toy): cell for cell in cells
         }
@@ -166,7 +167,9 @@ def compare(cell: Cell, seed: int, toy: bool) -> Row:
     program = Program(cell.parameter, cell.intervals, LADDER[:1] if toy else LADDER)
     compiled = time.perf_counter() - begin
     ipopt, whole_ipopt = by_ipopt(cell, program.solve, starts(cell, seed, 2 if toy else STARTS))
-    ours, whole_ours = by_us(cell, seed, _effort(toy))
+    effort = TOY if toy else Effort()
+    _compile(cell.horizon, effort)
+    ours, whole_ours = by_us(cell, seed, effort)
     goal, best = min(ipopt), min(ours)
     reached = next((mark.clock for mark in ours if mark.error <= goal.error), None)
     return {
@@ -216,7 +219,6 @@ def by_us(cell: Cell, seed: int, effort: Effort) -> tuple[list[Mark], Clock]:
         motor.KNOT_PERIOD,
         _key(cell, seed),
         effort=effort,
-        size=2 * max(motor.HORIZONS),
         show=show,
     )
     return marks, stopwatch.clock
@@ -285,21 +287,18 @@ def _key(cell: Cell, seed: int) -> PRNGKeyArray:
     return jax.random.fold_in(key, motor.system().index(cell.parameter))
 
 
-def _effort(toy: bool) -> Effort:
-    return TOY if toy else Effort()
+@functools.cache
+def _compile(horizon: int, effort: Effort) -> None:
+    """Search as short as possible, with everything in it that a whole search compiles."""
+    by_us(Cell(STUDIED[0], horizon), 0, effort._replace(rounds=1, polished=1))
 
 
-def _begin(counter: "Synchronized[int]", toy: bool) -> None:
-    """One processor per process, and everything of ours compiled: one trace serves all cells."""
+def _begin(counter: "Synchronized[int]") -> None:
+    """One processor per process."""
     configure()
     with counter.get_lock():
         pin(processors()[counter.value % len(processors())])
         counter.value += 1
-    _compile(toy)
-
-
-def _compile(toy: bool) -> None:
-    by_us(Cell(STUDIED[0], motor.HORIZONS[1]), 0, _effort(toy))
 
 
 if __name__ == "__main__":

@@ -6,8 +6,8 @@ exact polynomials. The objective is that of `PlannedError`: rounded corners of |
 the smoothing and by the change of speed from node to node.
 
 What made it better, tried on M at N = 30, B at N = 50 and F_c at N = 40: a barrier that begins at
-1e-4 (from 0.1 every start ends in the same basin, 7 % higher), three stages of smoothing, and node
-functions mapped and compiled instead of interpreted (half the time).
+1e-4 (from 0.1 nearly every start ends in the same basin, 7 % higher), three stages of smoothing,
+and node functions mapped and compiled instead of interpreted (0.6 of the time).
 """
 
 import contextlib
