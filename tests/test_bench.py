@@ -51,6 +51,8 @@ def test_lanes_by_hand_agree_with_jax(short, flags):
         jnp.asarray(jerk), jnp.asarray(theta)
     )
     np.testing.assert_allclose(found, expected, rtol=1e-9)
+    # whoever loads it keeps the arithmetic that it had
+    assert np.array([1e-310]) * 1.0 > 0
 
 
 @needs_compiler

@@ -43,8 +43,14 @@ def build(source: Path, library: Path, *flags: str) -> Path:
     """Compile one file into a library."""
     tool = compiler()
     assert tool is not None, "there is no C compiler"
-    command = [tool, *FLAGS, *flags, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
-    subprocess.run(command, check=True, capture_output=True)
+    compiled = library.with_suffix(".o")
+    # apart, and linked without the flags: linked with -ffast-math, a library switches subnormal
+    # numbers off in the whole process that loads it
+    for command in (
+        [tool, *FLAGS, *flags, "-fPIC", "-c", str(source), "-o", str(compiled)],
+        [tool, "-shared", str(compiled), "-o", str(library), "-lm"],
+    ):
+        subprocess.run(command, check=True, capture_output=True)
     return library
 
 
