@@ -35,11 +35,14 @@ CELLS = (8, 4, 4, 4)  # that Ω_θ is cut into for a proof
 PROVED_MARGINS, SAMPLED_MARGINS = (0.004, 0.04, 0.45, 0.0), (0.003, 0.03, 0.2, 0.0)
 ROUNDS = 4  # of finding plants that leave the limits and keeping farther away
 SIDES = ("position", "velocity", "input")
+METHODS = ("18", "sampled", "proved")
 
 
 @dataclass(frozen=True)
 class Robust:
     """One motion per parameter whose limits hold for the axis: by (18), by sampling, by proof.
+
+    Motions that are there already are checked, not searched for again: remove their files for that.
 
     Attributes:
         out: the folder that robust.csv and the motions are written to.
@@ -66,22 +69,32 @@ class Robust:
 
 
 def main(options: Robust) -> None:
-    """Design, check, save, print."""
+    """Design what is missing, check, save, print."""
     rows: list[tables.Row] = []
-    for name in STUDIED[: 1 if options.toy else None]:
-        for method, motion in designs(options, name):
-            rows.append(checked(options, name, method, motion))
-            print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
-            write_trajectory(options.out / f"robust_{method}_{name}_N{options.horizon}.csv", motion)
     table = tables.Table(tables.ROBUST, rows)
-    write_table(options.out / "robust.csv", table.header, table.rows)
+    for name in STUDIED[: 1 if options.toy else None]:
+        for method in METHODS:
+            rows.append(checked(options, name, method, motion(options, name, method)))
+            print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
+            # after each: what was found is kept if the program is stopped
+            write_table(options.out / "robust.csv", table.header, table.rows)
     print(table.text("Limits of the axis itself: by (18), by sampled plants, by proof"))
 
 
-def designs(options: Robust, name: str) -> list[tuple[str, JerkTrajectory]]:
-    """The motion of Table I, one whose sampled plants keep the limits, and one for a proof."""
+def motion(options: Robust, name: str, method: str) -> JerkTrajectory:
+    """A motion that was found before, or a new one, left as a file."""
     by_18 = read_trajectory(trajectory_path(options.motions, Cell(name, options.horizon)))
-    count = ticks(by_18, motor.CONTROL_PERIOD)
+    if method == "18":
+        return by_18
+    path = options.out / f"robust_{method}_{name}_N{options.horizon}.csv"
+    if not path.exists():
+        find = {"sampled": sampled, "proved": proved}[method]
+        write_trajectory(path, find(options, name, ticks(by_18, motor.CONTROL_PERIOD)))
+    return read_trajectory(path)
+
+
+def proved(options: Robust, name: str, count: int) -> JerkTrajectory:
+    """All plants keep the limits: the tube does."""
     tube = Tube(
         motor.provable_controller(),
         Encoder(motor.ENCODER_RESOLUTION),
@@ -90,8 +103,7 @@ def designs(options: Robust, name: str) -> list[tuple[str, JerkTrajectory]]:
         count,
         options.periods,
     )
-    proved = improved(options, name, axis_limits(), tube, start(options, name, PROVED_MARGINS))
-    return [("18", by_18), ("sampled", sampled(options, name, count)), ("proved", proved)]
+    return improved(options, name, axis_limits(), tube, start(options, name, PROVED_MARGINS))
 
 
 def axis_limits() -> Limits:
