@@ -35,6 +35,9 @@ configure()
 out = Path({str(tmp_path)!r})
 main(Study(toy=True, processes=1, out=out))
 crosscheck.main(crosscheck.Crosscheck(toy=True, processes=1, out=out))
+searched = (out / "crosscheck.csv").read_bytes()
+crosscheck.main(crosscheck.Crosscheck(toy=True, compare=True, out=out))
+assert (out / "crosscheck.csv").read_bytes() == searched
 before = {{path.name: path.read_bytes() for path in out.iterdir()}}
 main(Study(toy=True, processes=1, out=out, redraw=True))
 assert {{path.name: path.read_bytes() for path in out.iterdir()}} == before

@@ -11,7 +11,7 @@ from experiments.linear_motor import designs, tables
 from experiments.linear_motor.designs import STUDIED, Cell, trajectory_path
 from jaxid import linear_motor as motor
 from jaxid.design import Effort
-from jaxid.files import read_trajectory, write_table
+from jaxid.files import read_table, read_trajectory, write_table
 from jaxid.objective import planned_error
 from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory
@@ -42,11 +42,14 @@ class Crosscheck:
     Attributes:
         out: the folder with the trajectories of the study.
         processes: how many searches run side by side; the results do not depend on it.
+        compare: the searches that crosscheck.csv holds with the designs that are there now, without
+            searching again.
         toy: search hardly at all: only shows that everything runs.
     """
 
     out: Path = Path("figures")
     processes: int = 2
+    compare: bool = False
     toy: bool = False
 
     @property
@@ -59,7 +62,8 @@ def main(check: Crosscheck) -> None:
     """Search, compare with what the study has left, save, print."""
     cells = [Cell(name, horizon) for name in STUDIED for horizon in check.horizons]
     shipped = {c: error(c, read_trajectory(trajectory_path(check.out, c))) for c in cells}
-    others = {name: searched(check, name) for name in SEARCHES}
+    find = saved if check.compare else searched
+    others = {name: find(check, name) for name in SEARCHES}
     table = tables.crosscheck(shipped, others)
     write_table(check.out / "crosscheck.csv", table.header, table.rows)
     print(table.text("J* of the study beside longer searches; how far they are apart, in per cent"))
@@ -79,6 +83,12 @@ def searched(check: Crosscheck, name: str) -> dict[Cell, float]:
                 best[found.cell] = min(value, best.get(found.cell, value))
                 progress.update()
     return best
+
+
+def saved(check: Crosscheck, name: str) -> dict[Cell, float]:
+    """J* of every cell as an earlier run of one of the searches left it."""
+    rows = read_table(check.out / "crosscheck.csv")
+    return {Cell(row["parameter"], int(row["N"])): float(row[name]) for row in rows}
 
 
 def error(cell: Cell, trajectory: JerkTrajectory) -> float:
