@@ -7,7 +7,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from jaxid.disturbance import Sequence
 from jaxid.limits import Limits
-from jaxid.loop import Loop, Scenarios, random_parameters, vertices
+from jaxid.loop import Loop, Scenarios, random_forces, random_parameters, vertices
 from jaxid.simulate import Plant
 from jaxid.system import Scalar, System
 from jaxid.trajectory import JerkTrajectory
@@ -41,7 +41,7 @@ def adversaries(
         system: whose box and δ the plants keep.
         limits: of the axis.
         trajectory: the motion.
-        key: of the random starts.
+        key: of the random starts; plant k depends on it and on k alone.
         count: of plants.
     """
     corners = vertices(system)
@@ -51,8 +51,9 @@ def adversaries(
     # every side meets corners and inner points
     corner = (which // _SIDES) % 2 == 0
     theta = jnp.where(corner[:, None], corners[which // (2 * _SIDES) % len(corners)], inner)
-    shares = jax.random.uniform(second, (count, loop.ticks * loop.repeats), minval=-1.0, maxval=1.0)
-    found = _searched(loop, system, limits, trajectory, _Plants(theta, shares), which % _SIDES)
+    forces = random_forces(second, loop.ticks * loop.repeats, count)
+    starts = _Plants(theta, forces.shares)
+    found = _searched(loop, system, limits, trajectory, starts, which % _SIDES)
     return Scenarios(system, found.theta, jax.vmap(Sequence)(found.shares))
 
 

@@ -224,12 +224,15 @@ def excess(
 def worst_excess(limits: Limits, boundary: Boundary, trajectory: JerkTrajectory) -> Scalar:
     """The largest violation over all of time, in half-widths; ≤ 0 means that every limit is kept.
 
-    From the closed-form extrema, and the inequalities of the via points.
+    From the closed-form extrema, and the inequalities of the via points. A motion that is no number
+    keeps nothing.
     """
     values = (*trajectory.extrema(),)
     intervals = (*limits.motion, limits.jerk)
     sides = [_beyond(x, interval) for x, interval in zip(values, intervals, strict=True)]
-    return jnp.max(jnp.concatenate([*sides, _via_excess(limits, boundary, trajectory)]))
+    worst = jnp.max(jnp.concatenate([*sides, _via_excess(limits, boundary, trajectory)]))
+    number = jnp.all(jnp.isfinite(jnp.append(trajectory.jerk, trajectory.start)))
+    return jnp.where(number, worst, jnp.inf)
 
 
 class Envelope(NamedTuple):
@@ -273,7 +276,9 @@ def axis_excess(limits: Limits, envelope: Envelope) -> tuple[Float[Array, "..."]
 
 def _beyond(values: Motion, interval: Interval) -> Motion:
     half_width = (interval[1] - interval[0]) / 2
-    return jnp.maximum(values - interval[1], interval[0] - values) / half_width
+    beyond = jnp.maximum(values - interval[1], interval[0] - values) / half_width
+    # entry by entry: XLA's maximum over a long array may pass over NaN
+    return jnp.where(jnp.isnan(beyond), jnp.inf, beyond)
 
 
 def _via_excess(

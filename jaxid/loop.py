@@ -7,12 +7,13 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Key, PRNGKeyArray
 
 from jaxid.control import Controller
 from jaxid.disturbance import Disturbance, Mixture, random_shares
+from jaxid.disturbance import Sequence as Forces
 from jaxid.limits import Envelope, Limits, Prediction, axis_excess
-from jaxid.ranges import Range
+from jaxid.ranges import Range, exactly
 from jaxid.record import Record
 from jaxid.sensing import Sensor
 from jaxid.simulate import Plant, Signals, simulate
@@ -62,9 +63,15 @@ class Scenarios(eqx.Module):
 
     def map(self, function: Callable[[Plant], Result]) -> Result:
         """The results for every plant, along a new first axis."""
-        return jax.vmap(lambda theta, d: function(Plant(self.system, theta, d)))(
-            self.theta, self.disturbance
-        )
+
+        def one(theta: Float[Array, " m"], disturbance: Disturbance) -> Result:
+            return function(Plant(self.system, theta, disturbance))
+
+        if self.theta.shape[0] > 1:
+            return jax.vmap(one)(self.theta, self.disturbance)
+        # a batch of one takes a quarter longer than no batch
+        only = one(*jax.tree.map(lambda x: x[0], (self.theta, self.disturbance)))
+        return jax.tree.map(lambda x: x[None], only)
 
 
 def every(
@@ -72,10 +79,12 @@ def every(
 ) -> Scenarios:
     """Each of p parameters with each of d disturbances."""
     p, d = thetas.shape[0], len(disturbances)
-    parts = jax.tree.map(lambda x: jnp.broadcast_to(x, (p * d, *jnp.shape(x))), tuple(disturbances))
-    one_at_a_time = jnp.tile(jnp.eye(d), (p, 1))
-    disturbance = jax.vmap(Mixture)(parts, one_at_a_time)
-    return Scenarios(system, jnp.repeat(thetas, d, axis=0), disturbance)
+    shares = jnp.tile(jnp.eye(d), (p, 1))
+    return Scenarios(
+        system,
+        jnp.repeat(thetas, d, axis=0),
+        jax.vmap(Mixture)(_copies(disturbances, p * d), shares),
+    )
 
 
 def vertices(system: System) -> Float[Array, "corners m"]:
@@ -83,11 +92,22 @@ def vertices(system: System) -> Float[Array, "corners m"]:
     return jnp.stack([jnp.stack(c) for c in itertools.product(*(t.interval for t in system.terms))])
 
 
+def _keys_of_items(key: PRNGKeyArray, count: int) -> Key[Array, " count"]:
+    """One key per item, which does not depend on how many there are."""
+    return jax.vmap(lambda k: jax.random.fold_in(key, k))(jnp.arange(count))
+
+
 def random_parameters(key: PRNGKeyArray, system: System, count: int) -> Float[Array, "count m"]:
-    """Uniform in Ω_θ; the k-th does not depend on how many there are."""
-    keys = jax.vmap(lambda k: jax.random.fold_in(key, k))(jnp.arange(count))
-    share = jax.vmap(lambda key: jax.random.uniform(key, system.lower.shape))(keys)
+    """Uniform in Ω_θ; the k-th depends on the key and on k alone."""
+    share = jax.vmap(lambda key: jax.random.uniform(key, system.lower.shape))(
+        _keys_of_items(key, count)
+    )
     return system.lower[None] + share * (system.upper - system.lower)[None]
+
+
+def random_forces(key: PRNGKeyArray, ticks: int, count: int) -> Forces:
+    """Forces within ±δ drawn anew at every tick; the k-th depends on the key and on k alone."""
+    return jax.vmap(lambda key: random_shares(key, ticks))(_keys_of_items(key, count))
 
 
 def random_scenarios(
@@ -103,12 +123,16 @@ def random_scenarios(
         count: of plants.
     """
     first, second = jax.random.split(key)
-    keys = jax.vmap(lambda k: jax.random.fold_in(second, k))(jnp.arange(count))
-    noise = jax.vmap(lambda key: random_shares(key, ticks))(keys)
-    parts = jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), tuple(kinds))
-    turn = jax.nn.one_hot(jnp.arange(count) % (len(kinds) + 1), len(kinds) + 1)
-    disturbance = jax.vmap(Mixture)((*parts, noise), turn)
-    return Scenarios(system, random_parameters(first, system, count), disturbance)
+    parts = (*_copies(kinds, count), random_forces(second, ticks, count))
+    turn = jax.nn.one_hot(jnp.arange(count) % len(parts), len(parts))
+    return Scenarios(
+        system, random_parameters(first, system, count), jax.vmap(Mixture)(parts, turn)
+    )
+
+
+def _copies(disturbances: Sequence[Disturbance], count: int) -> tuple[Disturbance, ...]:
+    """Each array of each of them `count` times, along a new first axis."""
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), tuple(disturbances))
 
 
 class Sampled(Prediction):
@@ -140,16 +164,13 @@ def excesses(
     The sides are those of `axis_excess`. A plant whose loop diverges is beyond all limits.
     """
 
-    def one(plant: Plant) -> Float[Array, " sides"]:
-        columns = _columns(loop, plant, trajectory)
-        sides = axis_excess(limits, Envelope(*(Range(x, x) for x in columns)))
-        return jnp.nan_to_num(jnp.stack([jnp.max(side) for side in sides]), nan=jnp.inf)
-
-    def plant(item: tuple[Array, Disturbance]) -> Float[Array, " sides"]:
-        return one(Plant(scenarios.system, *item))
+    def worst(item: tuple[Array, Disturbance]) -> Float[Array, " sides"]:
+        columns = _columns(loop, Plant(scenarios.system, *item), trajectory)
+        sides = axis_excess(limits, Envelope(*map(exactly, columns)))
+        return jnp.stack([jnp.max(side) for side in sides])
 
     # in batches: all signals of all plants at once would fill the memory
-    return jax.lax.map(plant, (scenarios.theta, scenarios.disturbance), batch_size=16)
+    return jax.lax.map(worst, (scenarios.theta, scenarios.disturbance), batch_size=16)
 
 
 @eqx.filter_jit
@@ -157,7 +178,9 @@ def _envelope(loop: Loop, scenarios: Scenarios, trajectory: JerkTrajectory) -> E
     def extremes(values: Float[Array, "k n"]) -> Range:
         # at each tick of the motion: over plants, repeats and the steps within the tick
         apart = values.reshape(values.shape[0], loop.repeats, loop.ticks, -1)
-        return Range(jnp.min(apart, (0, 1, 3)), jnp.max(apart, (0, 1, 3)))
+        lost = jnp.isnan(apart)  # a loop that diverged may be anywhere
+        lower, upper = (jnp.where(lost, end, apart) for end in (-jnp.inf, jnp.inf))
+        return Range(jnp.min(lower, (0, 1, 3)), jnp.max(upper, (0, 1, 3)))
 
     return Envelope(*map(extremes, scenarios.map(lambda p: _columns(loop, p, trajectory))))
 

@@ -40,15 +40,12 @@ class Problem(eqx.Module):
 
     @eqx.filter_jit
     def violation(self, trajectory: JerkTrajectory) -> Scalar:
-        """The largest violation, in half-widths: of the motion at all times, of the axis by ticks.
-
-        What is no number counts as beyond all limits.
-        """
+        """The largest, in half-widths: of the motion at all times, of the axis tick by tick."""
         worst = worst_excess(self.limits, self.boundary, trajectory)
         if self.axis is not None:
             sides = axis_excess(self.limits, self.axis(trajectory))
             worst = jnp.maximum(worst, jnp.max(jnp.stack([jnp.max(side) for side in sides])))
-        return jnp.nan_to_num(worst, nan=jnp.inf)
+        return worst
 
     def pushed(
         self, trajectory: JerkTrajectory, multipliers: Multipliers, penalty: Scalar

@@ -1,5 +1,6 @@
 """Plants searched for are worse than random ones, and are plants of the box."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,9 +9,11 @@ import pytest
 from jaxid import linear_motor as motor
 from jaxid.adversary import adversaries
 from jaxid.disturbance import AgainstTracking, NoDisturbance
-from jaxid.limits import shrunk
+from jaxid.limits import Boundary, shrunk, worst_excess
 from jaxid.loop import Loop, Sampled, every, excesses, random_scenarios, vertices
+from jaxid.problem import Problem
 from jaxid.sensing import IdealSensor
+from jaxid.trajectory import uniform
 
 H, TICKS = motor.CONTROL_PERIOD, 3000
 
@@ -72,3 +75,22 @@ def test_random_plants_do_not_depend_on_their_number():
         few.disturbance.parts[1].shares, many.disturbance.parts[1].shares[:3]
     )
     assert len({float(x) for x in many.disturbance.parts[1].shares[:, 0]}) == 6
+
+
+def test_a_loop_that_diverges_keeps_no_limit(motion):
+    """Its signals end as NaN, which a maximum over many of them passes over on some processors."""
+    wild = eqx.tree_at(lambda c: c.epsilon, motor.controller(), jnp.asarray(1e-4))
+    loop = Loop(wild, IdealSensor(), H, TICKS)
+    plants = every(motor.system(), vertices(motor.system())[:2], [NoDisturbance()])
+    signals = plants.map(lambda plant: loop(plant, motion)[1])
+    assert jnp.any(jnp.isnan(signals.position))
+    assert jnp.all(excesses(loop, plants, motor.limits(), motion) > 0)
+    problem = Problem(lambda t, s: 0.0, motor.limits(), motor.boundary(), Sampled(loop, plants))
+    assert problem.violation(motion) == jnp.inf
+    assert jnp.all(jnp.isinf(Sampled(loop, plants)(motion).position.upper[-10:]))
+
+
+def test_a_motion_that_is_no_number_keeps_no_limit():
+    jerk = jnp.zeros(9000).at[5000].set(jnp.nan)
+    motion = uniform(jnp.zeros(3), jerk, 1e-4)
+    assert worst_excess(motor.limits(), Boundary((0.0, 0.0, 0.0), ()), motion) == jnp.inf

@@ -52,8 +52,9 @@ def largest_ratio(controller, motion, disturbance, thetas, law=None):
         p = v - desired.velocity + law.k1 * (y - desired.position)
         energy = theta[0] * p**2 / 2
         bound = law.energy_bound(signals.time[:-1], energy[0])
-        # at t = 0 both are zero
-        return jnp.max(energy[1:] / bound[1:])
+        # at t = 0 both are zero; a maximum over many values may pass over NaN
+        ratio = energy[1:] / bound[1:]
+        return jnp.max(jnp.where(jnp.isnan(ratio), jnp.inf, ratio))
 
     return jnp.max(jax.lax.map(one, thetas, batch_size=50))
 

@@ -154,7 +154,7 @@ def _misses(
         )
         estimates = [least_squares_estimate(record, system) for record in records]
         # rounding of θ̂ is not a miss
-        outside = [jnp.abs(e.theta - theta) > e.bound * (1 + 1e-9) for e in estimates]
+        outside = [~(jnp.abs(e.theta - theta) <= e.bound * (1 + 1e-9)) for e in estimates]
         return jnp.stack(outside)
 
     exact, printed, seen = jnp.sum(jax.lax.map(one, keys, batch_size=20), axis=0)
