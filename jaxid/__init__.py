@@ -24,8 +24,7 @@ says which room may import from which; it is tested, and so is that nobody impor
     descent <- feasible, problem, system
     dwells <- feasible, limits, problem, system
     polish <- admissible, axis_conditions, feasible, linear_programs, problem, system, trajectory
-    design <- admissible, descent, dwells, feasible, limits, polish, problem, starts, system, \
-trajectory
+    design <- admissible, descent, dwells, feasible, polish, problem, starts, system, trajectory
     refine <- admissible, axis_conditions, feasible, polish, problem, system, trajectory
     record <- system, trajectory
     bound <- checks, record, system
@@ -40,7 +39,7 @@ trajectory
     objective <- bound, filters, loop, record, simulate, system, trajectory
     excitation <- -
     estimate <- bound, record, system
-    experiment <- bound, checks, control, design, estimate, filters, limits, objective, record, \
+    experiment <- bound, checks, control, design, estimate, filters, objective, problem, record, \
 sensing, simulate, system, trajectory
     files <- checks, trajectory
     blocks <- checks, files
@@ -66,10 +65,14 @@ from jaxid.limits import (
     position_at_least,
     through,
 )
-from jaxid.objective import planned_error
+from jaxid.loop import Loop, Sampled, Scenarios
+from jaxid.objective import FilteredError, ThroughLoop, planned_error
+from jaxid.problem import Problem, Task
+from jaxid.refine import refine
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.simulate import Plant
 from jaxid.system import Constant, ConstantBound, Coulomb, Sine, SpeedBand, System, Term, Viscous
+from jaxid.tube import Tube, cells
 
 __all__ = [
     "ARC",
@@ -81,24 +84,34 @@ __all__ = [
     "Effort",
     "Encoder",
     "Estimate",
+    "FilteredError",
     "IdealSensor",
     "InfeasibleError",
     "Limits",
+    "Loop",
     "OpenLoop",
     "PDFeedforward",
     "Plant",
+    "Problem",
+    "Sampled",
+    "Scenarios",
     "Sine",
     "SpeedBand",
     "System",
+    "Task",
     "Term",
+    "ThroughLoop",
+    "Tube",
     "Via",
     "Viscous",
     "acceleration_limit",
+    "cells",
     "design",
     "design_motion",
     "identify",
     "planned_error",
     "position_at_least",
+    "refine",
     "run",
     "through",
 ]

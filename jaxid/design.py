@@ -16,9 +16,8 @@ from jaxid.admissible import inside, walk
 from jaxid.descent import LAST_SMOOTHING, descend
 from jaxid.dwells import evolved
 from jaxid.feasible import MotionSpace, motion_space, trimmed
-from jaxid.limits import Boundary, Limits, Prediction
 from jaxid.polish import polish
-from jaxid.problem import Objective, Problem
+from jaxid.problem import Objective, Problem, Task
 from jaxid.starts import grown, random_starts, rearranged
 from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
@@ -78,17 +77,12 @@ class _Pool(NamedTuple):
 
 def design(
     objective: Objective,
-    limits: Limits,
-    boundary: Boundary,
-    intervals: int,
-    period: float,
+    task: Task,
     key: PRNGKeyArray,
     *,
-    axis: Prediction | None = None,
     fine: Objective | None = None,
     shorter: JerkTrajectory | None = None,
     effort: Effort = Effort(),
-    size: int | None = None,
     report: Report = lambda message: None,
     show: Show = lambda trajectory: None,
 ) -> Design:
@@ -96,24 +90,18 @@ def design(
 
     Args:
         objective: of a trajectory and a smoothing; of order one, so the log of a positive quantity.
-        limits: kept exactly, between the knots too.
-        boundary: kept exactly.
-        intervals: of constant jerk.
-        period: of each interval, s.
+        task: what the motion must do.
         key: for the starts.
-        axis: what the axis does along a motion, if the limits are to hold for it too; called very
-            often, so not a simulation (see `axis_conditions.perfect`, and `refine`).
         fine: the same objective on a finer grid, for the polish and the choice; default the same.
         shorter: a good motion with fewer intervals: some of the starts are longer copies of it.
         effort: how long to search.
-        size: pad to this many intervals, so that several lengths share one compilation.
         report: told what goes on, a few words at a time.
         show: handed the best admissible motion after each descent, and each polished one.
 
     Raises:
         InfeasibleError: if no motion of this length keeps the limits.
     """
-    problem = Problem(objective, limits, boundary, axis)
+    problem, (limits, boundary, intervals, period, _, size) = task.problem(objective), task
     deep = inside(problem, intervals, period, size)
     space = motion_space(limits, boundary, intervals, period, size)
     first, *keys = jax.random.split(key, effort.rounds + 1)
@@ -122,12 +110,7 @@ def design(
     pool, history = None, []
     for k in range(effort.rounds + 1):
         if pool is not None:
-            parents = [
-                _pick(pool, i).jerk[:intervals]
-                for i in range(min(effort.parents, pool.values.size))
-            ]
-            fastest = float(jnp.max(jnp.abs(limits.acceleration)))
-            z = rearranged(keys[k - 1], space, parents, period, fastest, effort.variations)
+            z = _variations(keys[k - 1], pool, task, space, effort)
         report(f"descent {k + 1} of {effort.rounds + 1}")
         z = descend(problem, space, z, effort.stages, effort.steps)
         found = _admissible(problem, deep, space, z)
@@ -135,9 +118,19 @@ def design(
         history.append(float(pool.values[0]))
         show(_pick(pool, 0))
     assert pool is not None
-    exact = problem if fine is None else Problem(fine, limits, boundary, axis)
+    exact = problem if fine is None else task.problem(fine)
     value, best = _polished(exact, deep, pool, effort, report, show)
     return Design(trimmed(best), value, tuple(history))
+
+
+def _variations(
+    key: PRNGKeyArray, pool: _Pool, task: Task, space: MotionSpace, effort: Effort
+) -> Float[Array, "starts d"]:
+    """The best motions, and each rearranged."""
+    count = min(effort.parents, pool.values.size)
+    parents = [_pick(pool, i).jerk[: task.intervals] for i in range(count)]
+    fastest = float(jnp.max(jnp.abs(task.limits.acceleration)))
+    return rearranged(key, space, parents, task.period, fastest, effort.variations)
 
 
 def _polished(

@@ -10,8 +10,8 @@ from jaxid.control import Controller
 from jaxid.design import Design, Effort, Report, Show, design
 from jaxid.estimate import Estimate, least_squares_estimate
 from jaxid.filters import filtered
-from jaxid.limits import Boundary, Limits, Prediction
 from jaxid.objective import PlannedError
+from jaxid.problem import Task
 from jaxid.record import Record
 from jaxid.sensing import Sensor
 from jaxid.simulate import Plant, Signals, simulate
@@ -29,17 +29,12 @@ class Outcome(NamedTuple):
 
 def design_motion(
     system: System,
-    limits: Limits,
-    boundary: Boundary,
+    task: Task,
     target: str | Norm,
-    intervals: int,
-    period: float,
     key: PRNGKeyArray,
     *,
-    axis: Prediction | None = None,
     shorter: JerkTrajectory | None = None,
     effort: Effort = Effort(),
-    size: int | None = None,
     report: Report = lambda message: None,
     show: Show = lambda trajectory: None,
 ) -> Design:
@@ -47,40 +42,23 @@ def design_motion(
 
     Args:
         system: the axis, its prior box and its disturbance bound.
-        limits: kept exactly at all times by the desired motion.
-        boundary: kept exactly.
+        task: what the desired motion must do.
         target: the name of one parameter, or a norm.
-        intervals: of constant jerk (2·N_i in the paper).
-        period: of each interval, s.
         key: for the random starts.
-        axis: what the axis does along a motion, if the limits are to hold for it too.
         shorter: a good motion with fewer intervals, to start half of the search from.
         effort: how long to search.
-        size: pad to this many intervals, so that several lengths share one compilation.
         report: told what goes on.
         show: handed the best admissible motion after each descent, and each polished one.
     """
     require_float64("system", system)
-    require_float64("limits", limits)
+    require_float64("limits", task.limits)
     norm = (
         individual(system.index(target), len(system.names)) if isinstance(target, str) else target
     )
-    speed = abs(limits.velocity).max()
+    speed = abs(task.limits.velocity).max()
     coarse, fine = (PlannedError(system, norm, speed, nodes) for nodes in (5, 64))
     return design(
-        coarse,
-        limits,
-        boundary,
-        intervals,
-        period,
-        key,
-        axis=axis,
-        fine=fine,
-        shorter=shorter,
-        effort=effort,
-        size=size,
-        report=report,
-        show=show,
+        coarse, task, key, fine=fine, shorter=shorter, effort=effort, report=report, show=show
     )
 
 

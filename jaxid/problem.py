@@ -1,6 +1,7 @@
 """What a search solves (16): minimise a function of a motion, under limits and via points."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -72,3 +73,28 @@ class Problem(eqx.Module):
         penalty, smooth = jnp.asarray(_MERIT_PENALTY), jnp.asarray(smoothing)
         value = self.lagrangian(trajectory, nothing, penalty, smooth)
         return jnp.nan_to_num(value, nan=jnp.inf)
+
+
+class Task(NamedTuple):
+    """What a motion must do, whatever it is designed for (16).
+
+    Attributes:
+        limits: kept exactly, between the knots too.
+        boundary: kept exactly.
+        intervals: of constant jerk (2·N_i in the paper).
+        period: of each interval, s.
+        axis: what the axis does along a motion, if the limits are to hold for it too; a search
+            calls it very often, so not a simulation (see `axis_conditions.perfect`, and `refine`).
+        size: pad to this many intervals, so that several lengths share one compilation.
+    """
+
+    limits: Limits
+    boundary: Boundary
+    intervals: int
+    period: float
+    axis: Prediction | None = None
+    size: int | None = None
+
+    def problem(self, objective: Objective) -> Problem:
+        """The task with something to minimise."""
+        return Problem(objective, self.limits, self.boundary, self.axis)

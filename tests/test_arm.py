@@ -15,6 +15,7 @@ from jaxid.experiment import design_motion, identify, run
 from jaxid.filters import adjoint, filtered
 from jaxid.limits import worst_excess
 from jaxid.objective import planned_error
+from jaxid.problem import Task
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.simulate import Plant
 
@@ -27,7 +28,9 @@ def test_from_design_to_identified_interval(key):
     effort = Effort(
         starts=16, generations=0, stages=2, rounds=1, variations=16, parents=4, polished=1
     )
-    design = design_motion(system, limits, boundary, "G", 50, arm.KNOT_PERIOD, key, effort=effort)
+    design = design_motion(
+        system, Task(limits, boundary, 50, arm.KNOT_PERIOD), "G", key, effort=effort
+    )
     trajectory = design.trajectory
     assert worst_excess(limits, boundary, trajectory) <= 0
     star = planned_error(system, trajectory)

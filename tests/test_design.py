@@ -14,12 +14,13 @@ from jaxid.experiment import design_motion
 from jaxid.feasible import interior, motion_space
 from jaxid.limits import worst_excess
 from jaxid.objective import PlannedError, planned_error
-from jaxid.problem import Problem
+from jaxid.problem import Problem, Task
 from jaxid.starts import grown, rearranged
 from jaxid.trajectory import JerkTrajectory
 
 T = motor.KNOT_PERIOD
 SMALL = Effort(starts=16, generations=20, stages=2, rounds=1, variations=16, parents=4, polished=1)
+TASK = Task(motor.limits(), motor.boundary(), intervals=60, period=T)
 PLAIN = SMALL._replace(generations=0)
 
 
@@ -30,7 +31,7 @@ def test_any_function_of_a_motion_can_be_designed_for(key):
     def objective(trajectory: JerkTrajectory, smoothing):
         return -jnp.log(trajectory.states(jnp.array([0.15])).position[0] + 0.05)
 
-    found = design(objective, motor.limits(), motor.boundary(), 60, T, key, effort=PLAIN)
+    found = design(objective, TASK, key, effort=PLAIN)
     reached = float(found.trajectory.states(jnp.array([0.15])).position[0])
     assert reached == pytest.approx(highest_at(15), rel=2e-4)
     assert worst_excess(motor.limits(), motor.boundary(), found.trajectory) <= 0
@@ -51,17 +52,17 @@ def highest_at(knot: int) -> float:
 
 @pytest.mark.usefixtures("quick_compilation")
 def test_a_small_search_comes_near_the_best_known_within_the_limits(key):
-    system, limits, boundary = motor.system(), motor.limits(), motor.boundary()
-    found = design_motion(system, limits, boundary, "Fc", 60, T, key, effort=SMALL)
+    system = motor.system()
+    found = design_motion(system, TASK, "Fc", key, effort=SMALL)
     # seeds 0 to 2 came within 1.5 to 4.6 % of the best known, without dwells within 1.5 to 6.7 %
     assert planned_error(system, found.trajectory)[2] < 1.05 * 0.2108
-    assert worst_excess(limits, boundary, found.trajectory) <= 0
+    assert worst_excess(TASK.limits, TASK.boundary, found.trajectory) <= 0
     assert found.history[-1] <= found.history[0]
 
 
 @pytest.mark.usefixtures("quick_compilation")
 def test_same_key_same_motion(key):
-    args = (motor.system(), motor.limits(), motor.boundary(), "M", 60, T, key)
+    args = (motor.system(), TASK, "M", key)
     tiny = SMALL._replace(starts=8, generations=3, steps=5, variations=8, parents=2, polish_steps=5)
     one, other = (design_motion(*args, effort=tiny) for _ in range(2))
     np.testing.assert_array_equal(one.trajectory.jerk, other.trajectory.jerk)

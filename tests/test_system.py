@@ -12,8 +12,10 @@ from jaxid.limits import (
     acceleration_limit,
     acceleration_limit_euclidean,
 )
+from jaxid.problem import Task
 from jaxid.system import Constant, ConstantBound, SpeedBand, System, Term, Viscous, softened
 
+TASK = Task(motor.limits(), motor.boundary(), intervals=60, period=0.01)
 BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}
 
 
@@ -115,10 +117,10 @@ def test_terms_must_start_with_the_inertia_and_differ_in_name():
 
 def test_an_unknown_parameter_is_named(key):
     with pytest.raises(ValueError, match=r"one of \['M', 'B', 'Fc', 'dbar'\], but is 'mass'"):
-        design_motion(motor.system(), motor.limits(), motor.boundary(), "mass", 60, 0.01, key)
+        design_motion(motor.system(), TASK, "mass", key)
 
 
 def test_single_precision_is_refused(key):
     system = jax.tree.map(lambda x: x.astype(jnp.float32), motor.system())
     with pytest.raises(ValueError, match=r"`system` must be float64.*float32"):
-        design_motion(system, motor.limits(), motor.boundary(), "M", 60, 0.01, key)
+        design_motion(system, TASK, "M", key)

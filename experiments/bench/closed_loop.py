@@ -2,19 +2,18 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid import linear_motor as motor
-from jaxid.bound import individual, least_squares, smooth_worst_case_error
+from jaxid.bound import individual
 from jaxid.disturbance import NoDisturbance
-from jaxid.filters import filtered
+from jaxid.loop import Loop, Scenarios
+from jaxid.objective import FilteredError, ThroughLoop
 from jaxid.sensing import IdealSensor
-from jaxid.simulate import Plant, simulate
-from jaxid.system import Coulomb, Scalar, SpeedBand, System, softened
-from jaxid.trajectory import reference, uniform
+from jaxid.system import Coulomb, SpeedBand
+from jaxid.trajectory import uniform
 
 # what a design through the closed loop would use half-way: corners of (29), and jumps in m/s
 SMOOTHING, BLEND = 0.001, 0.002
@@ -23,30 +22,26 @@ INTERVALS = 60  # N = 30
 TICKS = round(INTERVALS * motor.KNOT_PERIOD / motor.CONTROL_PERIOD)
 
 
-def softened_system() -> System:
-    """The motor with jumps spread over BLEND: the axis and the controller's model of it."""
-    return softened(motor.system(), jnp.asarray(BLEND))
-
-
 def loop_error(
     jerk: Float[Array, " n"], theta: Float[Array, " m"], repeats: int
 ) -> Float[Array, ""]:
-    """Log of the smoothed J_f of the parameter TARGET, after `repeats` motions back to back.
+    """The library's objective: log of the smoothed J_f of TARGET, `repeats` motions back to back.
 
     Args:
         jerk: of the desired motion of INTERVALS intervals, from rest at zero.
         theta: true parameters; there is no disturbance.
         repeats: how often the motion is run.
     """
-    system, period = softened_system(), motor.CONTROL_PERIOD
+    system, period = motor.system(), motor.CONTROL_PERIOD
+    objective = ThroughLoop(
+        Loop(motor.controller(), IdealSensor(), period, TICKS, repeats),
+        Scenarios(system, theta[None], NoDisturbance()),
+        FilteredError(individual(system.index(TARGET), len(system.names)), motor.BANDWIDTH, period),
+        speed=0.0,
+        blend=BLEND,
+    )
     trajectory = uniform(motor.boundary().start, jerk, motor.KNOT_PERIOD)
-    plant = Plant(system, theta, NoDisturbance())
-    controller = eqx.tree_at(lambda c: c.system, motor.controller(), system)
-    desired = reference(trajectory, period, TICKS, repeats)
-    record, _ = simulate(plant, controller, IdealSensor(), desired, period)
-    rows = filtered(record, motor.BANDWIDTH, period).rows
-    weights = least_squares(rows, individual(system.index(TARGET), len(system.names)))
-    return jnp.log(_first(smooth_worst_case_error(weights, rows, jnp.asarray(SMOOTHING))))
+    return objective(trajectory, jnp.asarray(SMOOTHING / 2))
 
 
 class Numbers(NamedTuple):
@@ -106,7 +101,3 @@ def numbers(repeats: int) -> Numbers:
 def nominal() -> Float[Array, " m"]:
     """The parameters of the simulated axis where they do not matter: the centre of the box."""
     return motor.system().centre
-
-
-def _first(errors: Float[Array, "1"]) -> Scalar:
-    return errors[0]

@@ -36,7 +36,7 @@ from jaxid.feasible import interior, motion_space
 from jaxid.files import Cell as Value
 from jaxid.files import read_table, write_table
 from jaxid.objective import PlannedError, planned_error
-from jaxid.problem import Problem
+from jaxid.problem import Problem, Task
 from jaxid.report import text_table
 from jaxid.runtime import configure
 from jaxid.starts import random_starts
@@ -210,17 +210,9 @@ def by_us(cell: Cell, seed: int, effort: Effort) -> tuple[list[Mark], Clock]:
         with stopwatch.stopped():
             marks.append(Mark(error(cell, trajectory), stopwatch.clock))
 
-    design_motion(
-        motor.system(),
-        motor.limits(),
-        motor.boundary(),
-        cell.parameter,
-        cell.intervals,
-        motor.KNOT_PERIOD,
-        _key(cell, seed),
-        effort=effort,
-        show=show,
-    )
+    task = Task(motor.limits(), motor.boundary(), cell.intervals, motor.KNOT_PERIOD)
+    key = _key(cell, seed)
+    design_motion(motor.system(), task, cell.parameter, key, effort=effort, show=show)
     return marks, stopwatch.clock
 
 

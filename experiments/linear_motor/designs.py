@@ -18,6 +18,7 @@ from jaxid.bound import infinity
 from jaxid.design import Effort
 from jaxid.experiment import design_motion
 from jaxid.feasible import InfeasibleError
+from jaxid.problem import Task
 from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory, uniform
 
@@ -116,15 +117,11 @@ def _search_cell(cell: Cell, shorter: Found | None, effort: Effort, seed: int, s
     try:
         found = design_motion(
             system,
-            motor.limits(),
-            motor.boundary(),
+            Task(motor.limits(), motor.boundary(), cell.intervals, motor.KNOT_PERIOD, size=size),
             infinity(system.half_widths) if cell.target == INFINITY else cell.target,
-            cell.intervals,
-            motor.KNOT_PERIOD,
             jax.random.fold_in(key, names.index(cell.target)),
             shorter=shorter.trajectory() if shorter and shorter.jerk is not None else None,
             effort=effort,
-            size=size,
         )
     except InfeasibleError as error:
         return Found(cell, None, str(error))

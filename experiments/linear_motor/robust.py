@@ -23,7 +23,7 @@ from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.limits import Limits, Prediction, acceleration_reach, shrunk
 from jaxid.loop import Loop, Sampled, every, excesses, random_scenarios, vertices
 from jaxid.objective import PlannedError, planned_error
-from jaxid.problem import Problem
+from jaxid.problem import Problem, Task
 from jaxid.refine import Effort, refine
 from jaxid.runtime import configure
 from jaxid.sensing import Encoder, IdealSensor, Sensor
@@ -120,18 +120,12 @@ def axis_limits() -> Limits:
 
 def start(options: Robust, name: str, margins: tuple[float, float, float, float]) -> JerkTrajectory:
     """A cold search with fixed margins for what the axis adds to its motion."""
-    intervals = 2 * options.horizon
-    return design_motion(
-        motor.system(),
-        axis_limits(),
-        motor.boundary(),
-        name,
-        intervals,
-        motor.KNOT_PERIOD,
-        jax.random.fold_in(jax.random.key(options.seed), motor.system().index(name)),
-        axis=perfect(motor.system(), 5 * intervals, margins),
-        effort=TOY if options.toy else SearchEffort(),
-    ).trajectory
+    system, intervals = motor.system(), 2 * options.horizon
+    axis = perfect(system, 5 * intervals, margins)
+    task = Task(axis_limits(), motor.boundary(), intervals, motor.KNOT_PERIOD, axis)
+    key = jax.random.fold_in(jax.random.key(options.seed), system.index(name))
+    effort = TOY if options.toy else SearchEffort()
+    return design_motion(system, task, name, key, effort=effort).trajectory
 
 
 def improved(
