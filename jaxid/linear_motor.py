@@ -49,8 +49,8 @@ OPEN_LOOP_AMPLITUDES = (0.3, 0.5)  # V
 # that the law nearly meets it without u_s2; at 0.01 the sampled loop is unstable.
 ARC_GAINS = {"k1": 200.0, "k2": 40.0, "epsilon": 0.1, "gamma": (1e-4, 1.0, 1.0, 5.0)}
 
-# Chosen for a narrow proved tube: soft in position, θ̂ frozen. With k₁ = 5 it takes up to 9 mm of the
-# stroke, with k₁ of 20 and more, or a stiffer k₂, more of the input.
+# Chosen for a narrow proved tube: soft in position, θ̂ frozen. With k₁ = 5 it takes up to 9 mm of
+# the stroke, with k₁ of 20 and more, or a stiffer k₂, more of the input.
 PROVABLE_GAINS = {"k1": 10.0, "k2": 60.0, "epsilon": 1.0, "gamma": (0.0, 0.0, 0.0, 0.0)}
 
 # Chosen, near Table II: the simulated truth, never seen by design or controller.
