@@ -1,11 +1,8 @@
 """Table I: one motion per parameter and horizon, searched in as many processes as asked for."""
 
-import multiprocessing
-import os
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
 import jax
@@ -13,13 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from experiments.processes import pool
 from jaxid import linear_motor as motor
 from jaxid.bound import infinity
 from jaxid.design import Effort
 from jaxid.experiment import design_motion
 from jaxid.feasible import InfeasibleError
 from jaxid.problem import Task
-from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory, uniform
 
 INFINITY = "infinity"
@@ -91,11 +88,10 @@ def search(chains: list[list[Cell]], effort: Effort, seed: int, processes: int) 
                 found = _search_cell(cell, found, effort, seed, size)
                 yield found
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, context, _begin, (context.Value("i", 0),)) as pool:
+    with pool(processes) as workers:
 
         def submit(chain: list[Cell], shorter: Found | None) -> Future[Found]:
-            future = pool.submit(_search_cell, chain[0], shorter, effort, seed, size)
+            future = workers.submit(_search_cell, chain[0], shorter, effort, seed, size)
             rest[future] = chain[1:]
             return future
 
@@ -126,14 +122,3 @@ def _search_cell(cell: Cell, shorter: Found | None, effort: Effort, seed: int, s
     except InfeasibleError as error:
         return Found(cell, None, str(error))
     return Found(cell, np.asarray(found.trajectory.jerk))
-
-
-def _begin(counter: "Synchronized[int]") -> None:
-    """One processor per process: two searches side by side then take no longer than one."""
-    configure()
-    if hasattr(os, "sched_setaffinity"):
-        with counter.get_lock():
-            mine = counter.value
-            counter.value += 1
-        available = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {available[mine % len(available)]})

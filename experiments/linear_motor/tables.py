@@ -32,6 +32,19 @@ ROBUST = (
     "searched_plants", "searched_beyond_position", "searched_beyond_velocity",
     "searched_beyond_input",
 )  # fmt: skip
+SEARCHES = (
+    "setting", "parameter", "N", "w_rad_s", "design", "seconds",
+    "J_star", "J_f", "J_f_worst", "beyond", "beyond_with_encoder", "jerk_m_s3",
+)  # fmt: skip
+TABLE_6 = (
+    "parameter", "N", "w_rad_s", "J_f_two_stage", "J_f_filter_aware", "J_f_end_to_end",
+    "J_f_worst_two_stage", "J_f_worst_robust",
+)  # fmt: skip
+TABLE_7 = (
+    "setting", "parameter", "N", "w_rad_s", "J_f_18", "J_f_two_stage", "J_f_filter_aware",
+    "J_f_end_to_end", "J_f_worst_two_stage", "J_f_worst_robust",
+    "limit_percent", "filter_percent", "loop_percent", "robust_percent",
+)  # fmt: skip
 LIMITS = ("motion", "quantity", "lowest", "highest", "limit_lower", "limit_upper", "kept")
 
 
@@ -163,6 +176,33 @@ def limits_table(loops: Mapping[Cell, ClosedLoop]) -> Table:
                 }
             )
     return Table(LIMITS, rows)
+
+
+def gains(designs: Mapping[str, Row]) -> Row:
+    """One case: J_f of its designs, and what each stage changes, in per cent of the one before."""
+
+    def error(design: str, column: str = "J_f") -> float:
+        return float(designs[design][column] or np.nan)
+
+    def change(after: float, before: float) -> float:
+        return 100 * (after / before - 1)
+
+    by_18, two, aware, loop = map(error, ("by_18", "two_stage", "filter_aware", "end_to_end"))
+    worst, robust = error("two_stage", "J_f_worst"), error("robust", "J_f_worst")
+    labels = {name: designs["two_stage"][name] for name in SEARCHES[:4]}
+    return {
+        **labels,
+        "J_f_18": by_18,
+        "J_f_two_stage": two,
+        "J_f_filter_aware": aware,
+        "J_f_end_to_end": loop,
+        "J_f_worst_two_stage": worst,
+        "J_f_worst_robust": robust,
+        "limit_percent": change(two, by_18),
+        "filter_percent": change(aware, two),
+        "loop_percent": change(loop, min(two, aware)),
+        "robust_percent": change(robust, worst),
+    }
 
 
 def not_reduced(table: Table, bound: str) -> list[str]:

@@ -1,0 +1,102 @@
+"""The axes that a design through the closed loop is tried on: the study's, and harder ones."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import equinox as eqx
+
+from experiments.linear_motor.runs import PERIODS
+from jaxid import linear_motor as motor
+from jaxid.control import ARC
+from jaxid.disturbance import (
+    AgainstTracking,
+    Disturbance,
+    LowSpeedFriction,
+    NoDisturbance,
+    square_wave,
+)
+from jaxid.limits import Limits, acceleration_limit, acceleration_reach
+from jaxid.loop import Scenarios, every, vertices
+from jaxid.system import Interval, System
+
+# Weak: the axis is up to 7 % of its top speed and 14 mm off its motion.
+GAINS = {
+    "study": motor.ARC_GAINS,
+    "weak": {"k1": 20.0, "k2": 10.0, "epsilon": 1.0, "gamma": (0.0, 0.0, 0.0, 0.0)},
+}
+_WAVE = 100  # ticks: a force of ±δ that changes its sign every 20 ms
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What differs from the motor of the study.
+
+    Attributes:
+        label: for tables.
+        input: limit of |u|, V.
+        mass: times the interval of M.
+        bandwidth: of H_f, rad/s.
+        gains: "study" or "weak".
+        friction: of the nominal axis at low speed, V; within δ.
+    """
+
+    label: str
+    input: float = 10.0
+    mass: float = 1.0
+    bandwidth: float = motor.BANDWIDTH
+    gains: str = "study"
+    friction: float = 0.0
+
+    def system(self) -> System:
+        """The model with its box."""
+        system = motor.system()
+        return eqx.tree_at(
+            lambda s: s.terms[0].interval, system, replace_fn=lambda x: x * self.mass
+        )
+
+    def controller(self) -> ARC:
+        """The law, which knows the box."""
+        return ARC(self.system(), **GAINS[self.gains])
+
+    def limits(self) -> Limits:
+        """Of the axis itself: by the input it may be given, and no other limit of acceleration."""
+        return self._limits(acceleration_reach)
+
+    def limits_by_18(self) -> Limits:
+        """Of the desired motion, as the paper plans it."""
+        return self._limits(acceleration_limit)
+
+    def _limits(self, accelerations: Callable[..., Interval]) -> Limits:
+        whole = motor.limits()
+        box = {name: tuple(getattr(whole, name).tolist()) for name in ("position", "velocity")}
+        box["input"] = (-self.input, self.input)
+        return Limits(acceleration=accelerations(self.system(), **box), jerk=whole.jerk, **box)
+
+    def nominal(self) -> Scenarios:
+        """The plant in the middle of the box."""
+        system = self.system()
+        return every(system, system.centre[None], [self._disturbance()])
+
+    def plants(self, ticks: int) -> Scenarios:
+        """Every corner of the box, each with three disturbances.
+
+        Args:
+            ticks: of one motion.
+        """
+        pushing = AgainstTracking(self.controller().k1)
+        kinds = [self._disturbance(), pushing, square_wave(PERIODS * ticks, _WAVE)]
+        return every(self.system(), vertices(self.system()), kinds)
+
+    def _disturbance(self) -> Disturbance:
+        return LowSpeedFriction(self.friction, 0.05) if self.friction else NoDisturbance()
+
+
+STUDY = Setting("study")
+HARDER = (
+    Setting("7 V", input=7.0),
+    Setting("w = 30", bandwidth=30.0),
+    Setting("heavy plant", mass=2.0),
+    Setting("weak gains", gains="weak"),
+    Setting("low-speed friction", friction=0.2),
+    Setting("all of these", 7.0, 2.0, 30.0, "weak", 0.2),
+)
