@@ -31,12 +31,22 @@ def each(
             yield future.result()
 
 
+def processors() -> list[int]:
+    """Those that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def pin(processor: int) -> None:
+    """Stay on one processor, where the system can be told so; before JAX starts its threads."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {processor})
+
+
 def _begin(counter: "Synchronized[int]") -> None:
     """One processor per process: two searches side by side then take no longer than one."""
     configure()
-    if hasattr(os, "sched_setaffinity"):
-        with counter.get_lock():
-            mine = counter.value
-            counter.value += 1
-        available = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {available[mine % len(available)]})
+    with counter.get_lock():
+        pin(processors()[counter.value % len(processors())])
+        counter.value += 1

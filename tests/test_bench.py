@@ -11,7 +11,8 @@ from experiments.bench import __main__ as bench
 from experiments.bench import batches, closed_loop, compile_time, compiled, loop_against_c
 from experiments.bench.answers import AT_MOST, Answer, compared
 from experiments.bench.remote import Remote
-from experiments.bench.timing import Times, interleaved, processors
+from experiments.bench.timing import Times, interleaved
+from experiments.processes import processors
 from jaxid.files import read_table
 
 needs_compiler = pytest.mark.skipif(compiled.compiler() is None, reason="there is no C compiler")

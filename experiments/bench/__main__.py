@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from experiments.bench import accuracy, batches, compile_time, loop_against_c
 from experiments.bench.answers import Answer
-from experiments.bench.timing import pin, processors
+from experiments.processes import pin, processors
 from jaxid import linear_motor as motor
 from jaxid.files import Cell, write_table
 from jaxid.report import text_table

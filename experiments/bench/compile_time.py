@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 
 from experiments.bench.answers import AT_MOST, Answer
-from experiments.bench.timing import pin, processors
 from experiments.linear_motor.designs import STUDIED
+from experiments.processes import pin, processors
 from jaxid import linear_motor as motor
 from jaxid.bound import individual
 from jaxid.descent import descend

@@ -7,13 +7,10 @@ motions take as long as long ones), IPOPT's functions once per cell.
 """
 
 import functools
-import multiprocessing
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,8 +21,8 @@ import tyro
 from jaxtyping import Float, PRNGKeyArray
 from tqdm import tqdm
 
-from experiments.bench.timing import pin, processors
 from experiments.linear_motor.designs import STUDIED, TOY
+from experiments.processes import each
 from jaxid import linear_motor as motor
 from jaxid.admissible import walk
 from jaxid.bound import individual
@@ -109,12 +106,11 @@ def main(comparison: Comparison) -> None:
     cells = [Cell(name, horizon) for name in names for horizon in horizons]
     rows = {} if comparison.again else saved(comparison.path)
     missing = [cell for cell in cells if cell not in rows]
-    with tqdm(total=len(missing), desc="cells") as progress:
-        for cell, row in searched(comparison, missing):
-            rows[cell] = row
-            ordered = [rows[c] for c in cells if c in rows]
-            write_table(comparison.path, COLUMNS, ordered)
-            progress.update()
+    search = functools.partial(compare, comparison.seed, comparison.toy)
+    for cell, row in tqdm(each(search, missing, comparison.processes), "cells", len(missing)):
+        rows[cell] = row
+        ordered = [rows[c] for c in cells if c in rows]
+        write_table(comparison.path, COLUMNS, ordered)
     shown = [[rows[cell][name] for name in COLUMNS] for cell in cells]
     print(text_table(COLUMNS, shown, "Design search: ours and IPOPT's best of ten starts"))
     print("\n".join(verdicts([rows[cell] for cell in cells])))
@@ -143,24 +139,8 @@ def verdicts(rows: list[Row]) -> list[str]:
     ]
 
 
-def searched(comparison: Comparison, cells: list[Cell]) -> Iterator[tuple[Cell, Row]]:
-    """The rows as they come."""
-    if comparison.processes == 1:
-        for cell in cells:
-            yield cell, compare(cell, comparison.seed, comparison.toy)
-        return
-    context = multiprocessing.get_context("spawn")
-    counter = (context.Value("i", 0),)
-    with ProcessPoolExecutor(comparison.processes, context, _begin, counter) as pool:
-        futures = {
-            pool.submit(compare, cell, comparison.seed, comparison.toy): cell for cell in cells
-        }
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-
-
-def compare(cell: Cell, seed: int, toy: bool) -> Row:
-    """Both searches of one cell, IPOPT first."""
+def compare(seed: int, toy: bool, cell: Cell) -> tuple[Cell, Row]:
+    """The cell and its row, from both searches, IPOPT first."""
     from experiments.bench.shooting import LADDER, Program
 
     begin = time.perf_counter()
@@ -172,7 +152,7 @@ def compare(cell: Cell, seed: int, toy: bool) -> Row:
     ours, whole_ours = by_us(cell, seed, effort)
     goal, best = min(ipopt), min(ours)
     reached = next((mark.clock for mark in ours if mark.error <= goal.error), None)
-    return {
+    return cell, {
         "parameter": cell.parameter,
         "N": cell.horizon,
         "J_ours": best.error,
@@ -283,14 +263,6 @@ def _key(cell: Cell, seed: int) -> PRNGKeyArray:
 def _compile(horizon: int, effort: Effort) -> None:
     """Search as short as possible, with everything in it that a whole search compiles."""
     by_us(Cell(STUDIED[0], horizon), 0, effort._replace(rounds=1, polished=1))
-
-
-def _begin(counter: "Synchronized[int]") -> None:
-    """One processor per process."""
-    configure()
-    with counter.get_lock():
-        pin(processors()[counter.value % len(processors())])
-        counter.value += 1
 
 
 if __name__ == "__main__":

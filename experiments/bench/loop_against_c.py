@@ -19,7 +19,8 @@ from experiments.bench import compiled
 from experiments.bench.answers import AT_MOST, Answer, compared, per_step
 from experiments.bench.closed_loop import TICKS, loop_error, nominal
 from experiments.bench.remote import UNFOLDED, Remote
-from experiments.bench.timing import Action, Times, interleaved, processors
+from experiments.bench.timing import Action, Times, interleaved
+from experiments.processes import processors
 from jaxid.files import read_trajectory
 
 QUESTION = "loop_against_c"

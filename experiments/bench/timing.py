@@ -1,6 +1,5 @@
 """Fair times on a machine that stalls: all interleaved, minima first, medians beside them."""
 
-import os
 import statistics
 import time
 from collections.abc import Callable, Mapping
@@ -55,16 +54,3 @@ def timed(action: Action) -> float:
     begin = time.perf_counter()
     jax.block_until_ready(action())
     return time.perf_counter() - begin
-
-
-def processors() -> list[int]:
-    """Those that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return sorted(os.sched_getaffinity(0))
-    return list(range(os.cpu_count() or 1))
-
-
-def pin(processor: int) -> None:
-    """Stay on one processor, where the system can be told so; before JAX starts its threads."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {processor})
