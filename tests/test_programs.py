@@ -74,12 +74,42 @@ def test_the_robust_program_leaves_its_table_and_motions(tmp_path):
     """The motion with a proved tube keeps its limits even after hardly any search."""
     printed = run(["-m", "experiments.linear_motor.robust", "--toy", "--out", str(tmp_path)], ROOT)
     rows = read_table(tmp_path / "robust.csv")
-    assert [row["limits"] for row in rows] == ["18", "sampled", "proved"]
+    assert [row["limits"] for row in rows] == ["18", "proved", "sampled"]
     sides = ("position", "velocity", "input")
-    assert all(int(rows[2][f"searched_beyond_{side}"]) == 0 for side in sides)
+    assert all(int(rows[1][f"searched_beyond_{side}"]) == 0 for side in sides)
     assert int(rows[0]["searched_beyond_velocity"]) > 0
     assert "by proof" in printed
     assert (tmp_path / "robust_proved_M_N30.csv").exists()
+
+
+def test_the_end_to_end_program_goes_on_where_it_stopped(tmp_path):
+    """Later stages are no worse, all but the first keep the limits; a lost row is found again."""
+    program = f"""
+from pathlib import Path
+from experiments.linear_motor.endtoend import EndToEnd, configure, main
+configure()
+options = EndToEnd(toy=True, processes=1, out=Path({str(tmp_path)!r}))
+main(options)
+archive = options.out / "endtoend.csv"
+before = {{path.name: path.read_bytes() for path in options.out.iterdir()}}
+kept = [line for line in archive.read_text().splitlines(True) if ",robust," not in line]
+archive.write_text("".join(kept))
+main(options)
+after = {{path.name: path.read_bytes() for path in options.out.iterdir()}}
+assert after["table6.csv"] == before["table6.csv"]
+assert after["table7.csv"] == before["table7.csv"]
+"""
+    script = tmp_path.with_suffix(".py")
+    script.write_text(program)
+    run([str(script)], ROOT)
+    rows = read_table(tmp_path / "endtoend.csv")
+    assert len(rows) == 10
+    assert all(float(row["beyond"]) <= 0 for row in rows if row["design"] != "by_18")
+    for setting in ("study", "7 V"):
+        found = {row["design"]: row for row in rows if row["setting"] == setting}
+        value = lambda design, column="J_f": float(found[design][column])  # noqa: E731, B023
+        assert value("end_to_end") <= min(value("two_stage"), value("filter_aware"))
+        assert value("robust", "J_f_worst") <= value("two_stage", "J_f_worst")
 
 
 def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):
@@ -106,6 +136,7 @@ def test_every_program_explains_its_options():
     assert "--process-id" in run(["-m", "experiments.linear_motor.sweep", "--help"], ROOT)
     assert "--repetitions" in run(["-m", "experiments.bench", "--help"], ROOT)
     assert "--again" in run(["-m", "experiments.bench.design_against_ipopt", "--help"], ROOT)
+    assert "--motions" in run(["-m", "experiments.linear_motor.endtoend", "--help"], ROOT)
     assert "--attacks" in run(["-m", "experiments.linear_motor.robust", "--help"], ROOT)
 
 
