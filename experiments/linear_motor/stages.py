@@ -33,13 +33,11 @@ from jaxid.sensing import Encoder, IdealSensor, Sensor
 from jaxid.trajectory import JerkTrajectory
 
 Motions = dict[str, JerkTrajectory]
-COLD_SEEDS = (
-    0,
-    1,
-)  # of the two-stage design, so that it takes as long as the later stages together
+_SEED = 0  # of the cold searches
 _SPARE = 1e-3  # half-widths of every limit, kept by both sides of the comparison
 _COARSE = 0.001  # s: ticks of the cold search through the filter
 _BLEND = 0.005  # m/s, about what the speed changes by in a tick
+_EFFORT = Effort(rounds=4)  # of every refinement: eight rounds found nothing better
 _ACTIVE, _RENEWED = 8, 2  # plants in a search for the worst, and how often they are chosen
 
 
