@@ -90,7 +90,7 @@ def _quantities(grid: Grid) -> dict[str, tuple[tuple[str, ...], dict[str, str]]]
 
 
 def _coordinates(grid: Grid, labels: Labels) -> dict[str, object]:
-    system, arc, scenarios = grid.system, grid.controllers, grid.scenarios
+    system, arc, truths = grid.system, grid.controllers, grid.truths
     length, force = UNITS[system.coordinate], system.input_unit
 
     def numbers(dims: str | tuple[str, ...], values: object, text: str, unit: str) -> object:
@@ -112,11 +112,11 @@ def _coordinates(grid: Grid, labels: Labels) -> dict[str, object]:
         "epsilon": numbers("gains", arc.epsilon, "ε of (26)", f"{force} {length}/s"),
         "gamma": numbers(("gains", "parameter"), arc.gamma, "diagonal of Γ of (22)", "SI"),
         "theta": numbers(
-            ("scenario", "parameter"), scenarios.theta, "true parameters", _PER_PARAMETER
+            ("scenario", "parameter"), truths.theta, "true parameters", _PER_PARAMETER
         ),
-        "own": numbers("scenario", scenarios.own, "share of the axis's own disturbance", "1"),
-        "random": numbers("scenario", scenarios.random, "share of δ drawn at random", "1"),
-        "against": numbers("scenario", scenarios.against, "share of δ against tracking", "1"),
+        "own": numbers("scenario", truths.own, "share of the axis's own disturbance", "1"),
+        "random": numbers("scenario", truths.random, "share of δ drawn at random", "1"),
+        "against": numbers("scenario", truths.against, "share of δ against tracking", "1"),
     }
 
 

@@ -25,7 +25,7 @@ from jaxid.trajectory import JerkTrajectory, padded_reference, ticks
 Tree = TypeVar("Tree")
 
 
-class Scenario(eqx.Module):
+class Truth(eqx.Module):
     """What the axis truly is, and how much of each disturbance acts on it.
 
     Attributes:
@@ -50,11 +50,11 @@ class Grid(eqx.Module):
     Attributes:
         system: the axis as its identification knows it.
         sensor: what the controllers see.
-        own: the disturbance of which a scenario may take a share; a function of the state.
+        own: the disturbance that a truth may hold a share of; a function of the state.
         motions: stacked, padded to one number of intervals.
         ticks: of each motion, run once.
         controllers: stacked.
-        scenarios: stacked.
+        truths: stacked.
         bandwidths: w of H_f, rad/s.
         period: of the controllers, s.
         seed: of the random disturbances.
@@ -68,7 +68,7 @@ class Grid(eqx.Module):
     motions: JerkTrajectory
     ticks: Int[Array, " motions"]
     controllers: ARC
-    scenarios: Scenario
+    truths: Truth
     bandwidths: Float[Array, " w"]
     period: Scalar
     seed: Int[Array, ""]
@@ -78,7 +78,7 @@ class Grid(eqx.Module):
     @property
     def shape(self) -> tuple[int, int, int]:
         """How many motions, controllers and scenarios."""
-        return self.ticks.size, self.controllers.k1.size, self.scenarios.own.size
+        return self.ticks.size, self.controllers.k1.size, self.truths.own.size
 
     @property
     def count(self) -> int:
@@ -92,7 +92,7 @@ def grid(
     own: Disturbance,
     motions: Sequence[JerkTrajectory],
     controllers: Sequence[ARC],
-    scenarios: Sequence[Scenario],
+    truths: Sequence[Truth],
     bandwidths: Sequence[float],
     period: float,
     *,
@@ -100,7 +100,7 @@ def grid(
     seed: int = 0,
 ) -> Grid:
     """Stack what is swept; the arguments are the attributes of `Grid`, one by one."""
-    lists = {"motions": motions, "controllers": controllers, "scenarios": scenarios}
+    lists = {"motions": motions, "controllers": controllers, "truths": truths}
     for name, values in {**lists, "bandwidths": bandwidths}.items():
         require(len(values) > 0, f"Argument `{name}` must have at least one entry, but has none.")
     lengths = [ticks(motion, period) for motion in motions]
@@ -112,7 +112,7 @@ def grid(
         _stacked([padded(motion, intervals) for motion in motions]),
         jnp.asarray(lengths),
         _stacked(controllers),
-        _stacked(scenarios),
+        _stacked(truths),
         jnp.asarray(bandwidths, float),
         jnp.asarray(period, float),
         jnp.asarray(seed),
@@ -132,8 +132,8 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
         shape (w, m); `tracking_error`, the peak; `lowest_` and `highest_` `position`, `velocity`
         (true, at the ticks) and `input` (commanded).
     """
-    motion, gains, scene = jnp.unravel_index(index, grid.shape)
-    once, scenario = grid.ticks[motion], _entry(grid.scenarios, scene)
+    motion, gains, truth = jnp.unravel_index(index, grid.shape)
+    once, true = grid.ticks[motion], _entry(grid.truths, truth)
     running = jnp.arange(grid.size) < grid.repeats * once
     desired = padded_reference(
         _entry(grid.motions, motion), grid.period, once, grid.repeats, grid.size
@@ -142,13 +142,13 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
     noise = random_shares(jax.random.fold_in(jax.random.key(grid.seed), index), grid.size)
     disturbance = Mixture(
         (grid.own, noise, AgainstTracking(controller.k1)),
-        jnp.stack([scenario.own, scenario.random, scenario.against]),
+        jnp.stack([true.own, true.random, true.against]),
     )
-    plant = Plant(grid.system, scenario.theta, disturbance)
+    plant = Plant(grid.system, true.theta, disturbance)
     record, signals = simulate(plant, controller, grid.sensor, desired, grid.period)
     # all of the record: a loop that diverges after its motion would spoil 0·x of the measure
     record = jax.tree.map(lambda column: jnp.where(running, column, 0.0), record)
-    return _identified(grid, record, scenario.theta) | _extremes(signals, running)
+    return _identified(grid, record, true.theta) | _extremes(signals, running)
 
 
 def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[str, Array]:

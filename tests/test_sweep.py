@@ -18,7 +18,7 @@ from jaxid.files import read_dataset, read_trajectory, write_dataset
 from jaxid.runtime import connect
 from jaxid.sensing import Encoder
 from jaxid.simulate import Plant
-from jaxid.sweep import Scenario, grid, item
+from jaxid.sweep import Truth, grid, item
 
 LIGHT = (0.08, 0.0, 0.0, -0.5)
 BANDWIDTHS = (100.0, 1000.0)
@@ -63,7 +63,7 @@ def small(figures):
         motor.plant().disturbance,
         [read_trajectory(figures / f"trajectory_M_N{n}.csv") for n in (30, 40)],
         [chosen, stiff],
-        [Scenario(motor.TRUE_PARAMETERS, own=1.0), Scenario(LIGHT, against=1.0)],
+        [Truth(motor.TRUE_PARAMETERS, own=1.0), Truth(LIGHT, against=1.0)],
         BANDWIDTHS,
         motor.CONTROL_PERIOD,
     )
@@ -121,9 +121,9 @@ def test_a_loop_that_diverges_has_no_bound(small, items):
 
 def test_random_forces_are_of_the_seed_and_the_item(small, items, quick_compilation):
     """In two scenarios that nothing else tells apart."""
-    one = Scenario(motor.TRUE_PARAMETERS, random=1.0)
+    one = Truth(motor.TRUE_PARAMETERS, random=1.0)
     two = jax.tree.map(lambda leaf: jnp.asarray(np.stack([leaf, leaf])), one)
-    alike = eqx.tree_at(lambda g: g.scenarios, small, two)
+    alike = eqx.tree_at(lambda g: g.truths, small, two)
     first, again, other = (
         evaluate(eqx.tree_at(lambda g: g.seed, alike, jnp.asarray(seed)))["error"][:2].tolist()
         for seed in (0, 0, 1)

@@ -23,7 +23,7 @@ from jaxid.dataset import Labels, labelled
 from jaxid.files import read_dataset, read_trajectory, write_dataset
 from jaxid.runtime import configure, connect, processors
 from jaxid.sensing import Encoder
-from jaxid.sweep import Grid, Scenario, grid, item
+from jaxid.sweep import Grid, Truth, grid, item
 
 COMMAND = "python -m experiments.linear_motor.sweep"
 
@@ -164,22 +164,22 @@ def gains() -> dict[str, ARC]:
     }
 
 
-def scenarios(seed: int) -> dict[str, Scenario]:
+def scenarios(seed: int) -> dict[str, Truth]:
     """True parameters, and what disturbs the axis."""
     system = motor.system()
     shares = np.asarray(jax.random.uniform(jax.random.key(seed), (3, len(system.names))))
     lower, upper = np.asarray(system.lower), np.asarray(system.upper)
     true = motor.TRUE_PARAMETERS
     return {
-        "no Δ": Scenario(true),
-        "cogging, friction": Scenario(true, own=1.0),
-        "random Δ": Scenario(true, random=1.0),
-        "adversary": Scenario(true, against=1.0),
-        "centre of the box": Scenario(system.centre, own=1.0),
-        "lowest θ, adversary": Scenario(system.lower, against=1.0),
-        "highest θ, adversary": Scenario(system.upper, against=1.0),
+        "no Δ": Truth(true),
+        "cogging, friction": Truth(true, own=1.0),
+        "random Δ": Truth(true, random=1.0),
+        "adversary": Truth(true, against=1.0),
+        "centre of the box": Truth(system.centre, own=1.0),
+        "lowest θ, adversary": Truth(system.lower, against=1.0),
+        "highest θ, adversary": Truth(system.upper, against=1.0),
         **{
-            f"random θ and Δ, {k}": Scenario(lower + share * (upper - lower), random=1.0)
+            f"random θ and Δ, {k}": Truth(lower + share * (upper - lower), random=1.0)
             for k, share in enumerate(shares, 1)
         },
     }
