@@ -39,7 +39,8 @@ from jaxid.runtime import configure
 from jaxid.starts import random_starts
 from jaxid.trajectory import JerkTrajectory, uniform
 
-STARTS = 10
+STARTS = 10  # of IPOPT
+SEARCHES = 2  # of ours, one after the other: the first descent decides what a search can reach
 COLUMNS = (
     "parameter", "N", "J_ours", "J_ipopt", "ours_over_ipopt", "ipopt_s", "ipopt_best_s",
     "ours_s", "ours_reached_s", "share_of_wall", "share_of_cpu", "ipopt_compile_s",
@@ -149,7 +150,7 @@ def compare(seed: int, toy: bool, cell: Cell) -> tuple[Cell, Row]:
     ipopt, whole_ipopt = by_ipopt(cell, program.solve, starts(cell, seed, 2 if toy else STARTS))
     effort = TOY if toy else Effort()
     _compile(cell.horizon, effort)
-    ours, whole_ours = by_us(cell, seed, effort)
+    ours, whole_ours = by_us(cell, seed, effort, 1 if toy else SEARCHES)
     goal, best = min(ipopt), min(ours)
     reached = next((mark.clock for mark in ours if mark.error <= goal.error), None)
     return cell, {
@@ -182,8 +183,8 @@ def by_ipopt(
     return marks, stopwatch.clock
 
 
-def by_us(cell: Cell, seed: int, effort: Effort) -> tuple[list[Mark], Clock]:
-    """J of the best motion after every descent, and of the polished ones."""
+def by_us(cell: Cell, seed: int, effort: Effort, count: int) -> tuple[list[Mark], Clock]:
+    """J of the best motion after every descent of every search, and of the polished ones."""
     stopwatch, marks = Stopwatch(), []
 
     def show(trajectory: JerkTrajectory) -> None:
@@ -191,8 +192,8 @@ def by_us(cell: Cell, seed: int, effort: Effort) -> tuple[list[Mark], Clock]:
             marks.append(Mark(error(cell, trajectory), stopwatch.clock))
 
     task = Task(motor.limits(), motor.boundary(), cell.intervals, motor.KNOT_PERIOD)
-    key = _key(cell, seed)
-    design_motion(motor.system(), task, cell.parameter, key, effort=effort, show=show)
+    for key in jax.random.split(_key(cell, seed), count):
+        design_motion(motor.system(), task, cell.parameter, key, effort=effort, show=show)
     return marks, stopwatch.clock
 
 
@@ -262,7 +263,7 @@ def _key(cell: Cell, seed: int) -> PRNGKeyArray:
 @functools.cache
 def _compile(horizon: int, effort: Effort) -> None:
     """Search as short as possible, with everything in it that a whole search compiles."""
-    by_us(Cell(STUDIED[0], horizon), 0, effort._replace(rounds=1, polished=1))
+    by_us(Cell(STUDIED[0], horizon), 0, effort._replace(rounds=1, polished=1), 1)
 
 
 if __name__ == "__main__":
