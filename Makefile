@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust crosscheck bench bench-design test check clean
+.PHONY: reproduce sweep robust endtoend crosscheck bench bench-design test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
@@ -17,6 +17,9 @@ sweep: $(READY)  ## J_f and tracking over horizons, bandwidths, gains and scenar
 
 robust: $(READY)  ## motions whose limits the axis itself keeps, sampled and proved; half an hour
 	$(BIN)/python -m experiments.linear_motor.robust
+
+endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; hours, goes on where it stopped
+	$(BIN)/python -m experiments.linear_motor.endtoend
 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 	$(BIN)/python -m experiments.linear_motor.crosscheck

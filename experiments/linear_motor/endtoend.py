@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from experiments.linear_motor import tables
+from experiments.linear_motor import gain_maps, tables
 from experiments.linear_motor.designs import STUDIED, Cell, trajectory_path
 from experiments.linear_motor.settings import HARDER, STUDY
 from experiments.linear_motor.stages import STAGES, Case, Motions, errors
@@ -88,19 +88,16 @@ def main(options: EndToEnd) -> None:
     """Search what is missing, save, print."""
     archive = Archive(options.out / "endtoend.csv")
     complete(options, archive)
-    found = (
-        ("table6", "J_f through filter and loop", tables.TABLE_6, options.table_6()),
-        (
-            "table7",
-            f"The same in harder settings, N = {HARDER_HORIZON}",
-            tables.TABLE_7,
-            options.table_7(),
-        ),
-    )
-    for file, title, header, cases in found:
-        table = tables.Table(header, [tables.gains(archive.of(case)) for case in cases])
-        write_table(options.out / f"{file}.csv", table.header, table.rows)
-        print(table.text(title), end="\n\n")
+    for name, cases, draw in (
+        ("table6", options.table_6(), gain_maps.study),
+        ("table7", options.table_7(), gain_maps.harder),
+    ):
+        rows = [tables.gains(archive.of(case)) for case in cases]
+        table = tables.Table(tables.GAINS[name], rows)
+        write_table(options.out / f"{name}.csv", table.header, table.rows)
+        draw(options.out / f"{name}.png", rows)
+        print(table.text(f"{name}: J_f by stages of the design; per cent of the stage before"))
+        print()
 
 
 def complete(options: EndToEnd, archive: Archive) -> None:

@@ -11,7 +11,8 @@ from experiments.linear_motor.runs import BANDWIDTHS, ClosedLoop, OpenLoopRun, P
 from experiments.linear_motor.tables import Errors
 from jaxid import linear_motor as motor
 from jaxid import report
-from jaxid.trajectory import JerkTrajectory
+from jaxid.limits import Envelope, Limits
+from jaxid.trajectory import JerkTrajectory, States
 
 Trajectories = Mapping[Cell, JerkTrajectory]
 SYMBOLS = {"M": "M", "B": "B", "Fc": "$F_c$", "dbar": r"$\bar d$"}
@@ -104,6 +105,44 @@ def amplitudes(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
     below.axhline(start, color=report.BLACK, linewidth=1.0)
     report.label(below, "pulse amplitude (V)", "travel within 4 s (m)", "… and the travel they use")
     report.save(canvas, folder / "fig10.png")
+
+
+def tube(
+    folder: Path, planned: States, proved: Envelope, seen: Envelope, limits: Limits, name: str
+) -> None:
+    """What the axis may do beside its motion, proved and seen, and the room that it has.
+
+    Args:
+        folder: for tube.png.
+        planned: the motion at the ticks of the envelopes.
+        proved: of all plants.
+        seen: of those that were tried.
+        limits: of the axis.
+        name: of the parameter that the motion is for.
+    """
+    canvas, panels = report.figure(3, 1, (7.5, 8.5))
+    time = motor.CONTROL_PERIOD * np.arange(1, planned.position.size + 1)
+    none = np.zeros(planned.position.size)
+    sides = (
+        ("position", "position: axis - motion (mm)", 1e3, np.asarray(planned.position)),
+        ("velocity", "speed: axis - motion (m/s)", 1.0, np.asarray(planned.velocity)),
+        ("input", "input (V)", 1.0, none),
+    )
+    for panel, (side, text, unit, middle) in zip(panels, sides, strict=True):
+        for envelope, colour in ((proved, report.SKY), (seen, report.BLUE)):
+            lower, upper = (unit * (np.asarray(x) - middle) for x in getattr(envelope, side))
+            panel.fill_between(time, lower, upper, color=colour, linewidth=0.0)
+        height = panel.get_ylim()
+        for end in getattr(limits, side):
+            panel.plot(time, unit * (float(end) - middle), "--", color=report.RED, linewidth=1.5)
+        panel.set_ylim(1.15 * min(height), 1.15 * max(height))
+        report.label(panel, "", text)
+    panels[0].set_title(f"Motion for {SYMBOLS[name]} with a proved tube", fontsize=12)
+    panels[0].set_ylim(top=1.4 * panels[0].get_ylim()[1])  # room for the legend
+    names = ("proved, every plant", "seen", "limit")
+    panels[0].legend(names, fontsize=10, loc="upper center", ncols=3)
+    panels[-1].set_xlabel("time of the motion (s)", fontsize=12)
+    report.save(canvas, folder / "tube.png")
 
 
 def overview(

@@ -9,7 +9,7 @@ import numpy as np
 import tyro
 from jaxtyping import Float
 
-from experiments.linear_motor import tables
+from experiments.linear_motor import figures, tables
 from experiments.linear_motor.designs import STUDIED, TOY, Cell, trajectory_path
 from experiments.linear_motor.runs import PERIODS
 from jaxid import linear_motor as motor
@@ -21,7 +21,15 @@ from jaxid.disturbance import AgainstTracking, Disturbance, NoDisturbance, squar
 from jaxid.experiment import design_motion
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.limits import Limits, Prediction, acceleration_reach, shrunk
-from jaxid.loop import Loop, Sampled, every, excesses, random_scenarios, vertices
+from jaxid.loop import (
+    Loop,
+    Sampled,
+    Scenarios,
+    every,
+    excesses,
+    random_scenarios,
+    vertices,
+)
 from jaxid.objective import PlannedError, planned_error
 from jaxid.problem import Problem, Task
 from jaxid.refine import Effort, refine
@@ -78,7 +86,18 @@ def main(options: Robust) -> None:
             print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
             # after each: what was found is kept if the program is stopped
             write_table(options.out / "robust.csv", table.header, table.rows)
-    print(table.text("Limits of the axis itself: by (18), by sampled plants, by proof"))
+    draw(options, STUDIED[0])
+    print(table.text("Limits of the axis itself: by (18), by proof, by sampled plants"))
+
+
+def draw(options: Robust, name: str) -> None:
+    """The tube of the proved motion, and what corners of the box do in it."""
+    planned = motion(options, name, "proved")
+    count = ticks(planned, motor.CONTROL_PERIOD)
+    after = planned.states(motor.CONTROL_PERIOD * jnp.arange(1, count + 1))
+    real = loop(options, Encoder(motor.ENCODER_RESOLUTION), count)
+    seen = Sampled(real, corners(options, count))(planned)
+    figures.tube(options.out, after, tube(options, count)(planned), seen, axis_limits(), name)
 
 
 def motion(options: Robust, name: str, method: str) -> JerkTrajectory:
@@ -95,7 +114,13 @@ def motion(options: Robust, name: str, method: str) -> JerkTrajectory:
 
 def proved(options: Robust, name: str, count: int) -> JerkTrajectory:
     """All plants keep the limits: the tube does."""
-    tube = Tube(
+    begin = start(options, name, PROVED_MARGINS)
+    return improved(options, name, axis_limits(), tube(options, count), begin)
+
+
+def tube(options: Robust, count: int) -> Tube:
+    """Of all plants, for motions of `count` ticks."""
+    return Tube(
         motor.provable_controller(),
         Encoder(motor.ENCODER_RESOLUTION),
         cells(motor.system(), (2, 1, 1, 1) if options.toy else CELLS),
@@ -103,7 +128,6 @@ def proved(options: Robust, name: str, count: int) -> JerkTrajectory:
         count,
         options.periods,
     )
-    return improved(options, name, axis_limits(), tube, start(options, name, PROVED_MARGINS))
 
 
 def axis_limits() -> Limits:
@@ -151,9 +175,10 @@ def inside_of_plants(
     options: Robust, name: str, count: int, begin: JerkTrajectory
 ) -> JerkTrajectory:
     """Farther and farther inside until none of the plants of one seed leaves the limits."""
-    limits, system = axis_limits(), motor.system()
-    kinds = [NoDisturbance(), pushing(), square_wave(options.periods * count, 100)]
-    axis = Sampled(loop(options, IdealSensor(), count), every(system, vertices(system), kinds))
+    limits, axis = (
+        axis_limits(),
+        Sampled(loop(options, IdealSensor(), count), corners(options, count)),
+    )
     found, inwards = begin, jnp.full(3, 1e-3)
     for _ in range(1 if options.toy else ROUNDS):
         found = improved(options, name, shrunk(limits, inwards), axis, begin)
@@ -163,6 +188,13 @@ def inside_of_plants(
             break
         inwards = inwards + 1.5 * jnp.maximum(jnp.asarray(worst), 0.0)
     return found
+
+
+def corners(options: Robust, count: int) -> Scenarios:
+    """Every corner of the box, each with three disturbances."""
+    system = motor.system()
+    kinds = [NoDisturbance(), pushing(), square_wave(options.periods * count, 100)]
+    return every(system, vertices(system), kinds)
 
 
 def planned(name: str, motion: JerkTrajectory) -> float:

@@ -36,15 +36,15 @@ SEARCHES = (
     "setting", "parameter", "N", "w_rad_s", "design", "seconds",
     "J_star", "J_f", "J_f_worst", "beyond", "beyond_with_encoder", "jerk_m_s3",
 )  # fmt: skip
-TABLE_6 = (
+_BY_STAGE = (
     "parameter", "N", "w_rad_s", "J_f_two_stage", "J_f_filter_aware", "J_f_end_to_end",
     "J_f_worst_two_stage", "J_f_worst_robust",
 )  # fmt: skip
-TABLE_7 = (
-    "setting", "parameter", "N", "w_rad_s", "J_f_18", "J_f_two_stage", "J_f_filter_aware",
-    "J_f_end_to_end", "J_f_worst_two_stage", "J_f_worst_robust",
-    "limit_percent", "filter_percent", "loop_percent", "robust_percent",
-)  # fmt: skip
+_CHANGES = ("limit_percent", "filter_percent", "loop_percent", "robust_percent")
+GAINS = {
+    "table6": _BY_STAGE,
+    "table7": ("setting", *_BY_STAGE[:3], "J_f_18", *_BY_STAGE[3:], *_CHANGES),
+}
 LIMITS = ("motion", "quantity", "lowest", "highest", "limit_lower", "limit_upper", "kept")
 
 
