@@ -70,46 +70,50 @@ def test_the_comparison_with_ipopt_goes_on_where_it_stopped(tmp_path):
     assert (tmp_path / "bench_design.csv").read_bytes() == before
 
 
-def test_the_robust_program_leaves_its_table_and_motions(tmp_path):
-    """The motion with a proved tube keeps its limits even after hardly any search."""
-    printed = run(["-m", "experiments.linear_motor.robust", "--toy", "--out", str(tmp_path)], ROOT)
-    rows = read_table(tmp_path / "robust.csv")
-    assert [row["limits"] for row in rows] == ["18", "proved", "sampled"]
-    sides = ("position", "velocity", "input")
-    assert all(int(rows[1][f"searched_beyond_{side}"]) == 0 for side in sides)
-    assert int(rows[0]["searched_beyond_velocity"]) > 0
-    assert "by proof" in printed
-    assert (tmp_path / "robust_proved_M_N30.csv").exists()
+def test_the_programs_that_keep_the_limits_of_the_axis(tmp_path):
+    """Robust and end-to-end designs, in one process because they share compilations.
 
-
-def test_the_end_to_end_program_goes_on_where_it_stopped(tmp_path):
-    """Later stages are no worse, all but the first keep the limits; a lost row is found again."""
+    The motion with a proved tube keeps its limits even after hardly any search. Later stages of a
+    case are no worse, and what is lost of their archive is found again.
+    """
     program = f"""
 from pathlib import Path
-from experiments.linear_motor.endtoend import EndToEnd, configure, main
+from experiments.linear_motor import endtoend, robust
+from jaxid.runtime import configure
 configure()
-options = EndToEnd(toy=True, processes=1, out=Path({str(tmp_path)!r}))
-main(options)
-archive = options.out / "endtoend.csv"
-before = {{path.name: path.read_bytes() for path in options.out.iterdir()}}
+out = Path({str(tmp_path)!r})
+robust.main(robust.Robust(toy=True, out=out))
+options = endtoend.EndToEnd(toy=True, processes=1, out=out)
+endtoend.main(options)
+archive = out / "endtoend.csv"
+before = {{path.name: path.read_bytes() for path in out.iterdir() if path != archive}}
 kept = [line for line in archive.read_text().splitlines(True) if ",robust," not in line]
 archive.write_text("".join(kept))
-main(options)
-after = {{path.name: path.read_bytes() for path in options.out.iterdir()}}
-assert after["table6.csv"] == before["table6.csv"]
-assert after["table7.csv"] == before["table7.csv"]
+endtoend.main(options)
+assert {{path.name: path.read_bytes() for path in out.iterdir() if path != archive}} == before
 """
     script = tmp_path.with_suffix(".py")
     script.write_text(program)
-    run([str(script)], ROOT)
-    rows = read_table(tmp_path / "endtoend.csv")
-    assert len(rows) == 10
-    assert all(float(row["beyond"]) <= 0 for row in rows if row["design"] != "by_18")
+    printed = run([str(script)], ROOT)
+    assert "by proof" in printed
+    assert {"tube.png", "table6.png", "table7.png"} <= {path.name for path in tmp_path.iterdir()}
+
+    rows = {row["limits"]: row for row in read_table(tmp_path / "robust.csv")}
+    assert list(rows) == ["18", "proved", "sampled"]
+    for side in ("position", "velocity", "input"):
+        assert int(rows["proved"][f"searched_beyond_{side}"]) == 0
+    assert int(rows["18"]["searched_beyond_velocity"]) > 0
+
+    designs = read_table(tmp_path / "endtoend.csv")
+    assert len(designs) == 10
+    assert all(float(row["beyond"]) <= 0 for row in designs if row["design"] != "by_18")
     for setting in ("study", "7 V"):
-        found = {row["design"]: row for row in rows if row["setting"] == setting}
-        value = lambda design, column="J_f": float(found[design][column])  # noqa: E731, B023
-        assert value("end_to_end") <= min(value("two_stage"), value("filter_aware"))
-        assert value("robust", "J_f_worst") <= value("two_stage", "J_f_worst")
+        J_f, worst = (
+            {row["design"]: float(row[column]) for row in designs if row["setting"] == setting}
+            for column in ("J_f", "J_f_worst")
+        )
+        assert J_f["end_to_end"] <= min(J_f["two_stage"], J_f["filter_aware"])
+        assert worst["robust"] <= worst["two_stage"]
 
 
 def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):
