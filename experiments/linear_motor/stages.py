@@ -4,6 +4,7 @@ All but the first keep the limits of the axis itself, for every plant of the set
 sensor: the objective sees an exact one, because steps of an encoder have no slope.
 """
 
+import contextlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,12 +20,13 @@ from experiments.linear_motor.designs import TOY, Cell
 from experiments.linear_motor.runs import PERIODS
 from experiments.linear_motor.settings import STUDY, Setting
 from jaxid import linear_motor as motor
+from jaxid.admissible import inside
 from jaxid.axis_conditions import Frozen, frozen, perfect
 from jaxid.bound import Norm, individual
 from jaxid.design import Effort as SearchEffort
 from jaxid.design import design
 from jaxid.experiment import design_motion
-from jaxid.limits import Limits, shrunk
+from jaxid.limits import Limits, Prediction, shrunk
 from jaxid.loop import Loop, Sampled, Scenarios, excesses
 from jaxid.objective import FilteredError, PerfectTracking, PlannedError, ThroughLoop
 from jaxid.problem import Objective, Problem, Task
@@ -112,10 +114,10 @@ class Case:
         loop = self.loop(IdealSensor())
         return ThroughLoop(loop, scenarios, self.criterion(), self.speed, _BLEND)
 
-    def problem(self, objective: Objective) -> Problem:
-        """With the limits of the axis itself."""
+    def problem(self, objective: Objective, axis: Prediction | None = None) -> Problem:
+        """With the limits of the axis itself, by default what the plants do."""
         limits = shrunk(self.setting.limits(), jnp.full(3, _SPARE))
-        axis = Sampled(self.loop(IdealSensor()), self.plants)
+        axis = axis or Sampled(self.loop(IdealSensor()), self.plants)
         return Problem(objective, limits, motor.boundary(), axis)
 
 
@@ -224,12 +226,21 @@ def _task(case: Case, limits: Limits, axis: Frozen | None) -> Task:
 
 
 def _still(case: Case, motion: JerkTrajectory) -> Frozen:
-    """An axis for cold searches: the most that the real one adds to a motion, at all times."""
+    """An axis for cold searches: the most that the real one adds to a motion, at all times.
+
+    Or as much of it as leaves room for any motion: refinement sees what is really added.
+    """
     problem = case.problem(case.planned())
     assert problem.axis is not None
     added = frozen(problem.axis, problem.limits, motion).added
     y, v, u, _ = (float(jnp.max(jnp.maximum(-x.lower, x.upper))) for x in added)
-    return perfect(case.setting.system(), 5 * case.intervals, (y, v, u, 0.0))
+    for share in (1.0, 0.7, 0.4):
+        margins = (share * y, share * v, share * u, 0.0)
+        axis = perfect(case.setting.system(), 5 * case.intervals, margins)
+        with contextlib.suppress(ValueError):
+            inside(case.problem(case.planned(), axis), case.intervals, motor.KNOT_PERIOD)
+            return axis
+    return perfect(case.setting.system(), 5 * case.intervals, (0.0, 0.0, 0.0, 0.0))
 
 
 def _refined(case: Case, objective: Objective, starts: Iterable[JerkTrajectory]) -> JerkTrajectory:
