@@ -2,8 +2,9 @@
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from functools import partial
 from multiprocessing.sharedctypes import Synchronized
 from typing import TypeVar
 
@@ -19,16 +20,58 @@ def pool(processes: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(processes, context, _begin, (context.Value("i", 0),))
 
 
-def each(
-    function: Callable[[Item], Result], items: Iterable[Item], processes: int
+def chained(
+    step: Callable[[Item, Result | None], Result], chains: Sequence[Sequence[Item]], processes: int
 ) -> Iterator[Result]:
-    """The results as they come; with one process in this one, in order."""
+    """The results of all items as they come; each is given that of the item before in its chain.
+
+    They do not depend on how many processes share the work. If one fails, those under way are still
+    returned, and nothing new is begun.
+    """
     if processes == 1:
-        yield from map(function, items)
+        for chain in chains:
+            last = None
+            for item in chain:
+                last = step(item, last)
+                yield last
         return
+    failed: BaseException | None = None
     with pool(processes) as workers:
-        for future in as_completed([workers.submit(function, item) for item in items]):
-            yield future.result()
+
+        def submit(chain: Sequence[Item], last: Result | None) -> Future[Result]:
+            future = workers.submit(step, chain[0], last)
+            rest[future] = chain[1:]
+            return future
+
+        rest: dict[Future[Result], Sequence[Item]] = {}
+        waiting = {submit(chain, None) for chain in chains if chain}
+        while waiting:
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                if future.cancelled():
+                    continue
+                if error := future.exception():
+                    failed = failed or error
+                    for other in waiting:
+                        other.cancel()
+                    continue
+                chain = rest.pop(future)
+                if chain and not failed:
+                    waiting.add(submit(chain, future.result()))
+                yield future.result()
+    if failed:
+        raise failed
+
+
+def each(
+    function: Callable[[Item], Result], items: Sequence[Item], processes: int
+) -> Iterator[Result]:
+    """The results as they come."""
+    yield from chained(partial(_alone, function), [[item] for item in items], processes)
+
+
+def _alone(function: Callable[[Item], Result], item: Item, last: Result | None) -> Result:
+    return function(item)
 
 
 def processors() -> list[int]:

@@ -1,8 +1,8 @@
 """Table I: one motion per parameter and horizon, searched in as many processes as asked for."""
 
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from experiments.processes import pool
+from experiments.processes import chained
 from jaxid import linear_motor as motor
 from jaxid.bound import infinity
 from jaxid.design import Effort
@@ -81,32 +81,10 @@ def study(horizons: tuple[int, ...]) -> list[list[Cell]]:
 def search(chains: list[list[Cell]], effort: Effort, seed: int, processes: int) -> Iterator[Found]:
     """The results as they come. They do not depend on how many processes share the work."""
     size = max(cell.intervals for chain in chains for cell in chain)
-    if processes == 1:
-        for chain in chains:
-            found = None
-            for cell in chain:
-                found = _search_cell(cell, found, effort, seed, size)
-                yield found
-        return
-    with pool(processes) as workers:
-
-        def submit(chain: list[Cell], shorter: Found | None) -> Future[Found]:
-            future = workers.submit(_search_cell, chain[0], shorter, effort, seed, size)
-            rest[future] = chain[1:]
-            return future
-
-        rest: dict[Future[Found], list[Cell]] = {}
-        waiting = {submit(chain, None) for chain in chains}
-        while waiting:
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in done:
-                found = future.result()
-                if chain := rest.pop(future):
-                    waiting.add(submit(chain, found))
-                yield found
+    yield from chained(partial(_search_cell, effort, seed, size), chains, processes)
 
 
-def _search_cell(cell: Cell, shorter: Found | None, effort: Effort, seed: int, size: int) -> Found:
+def _search_cell(effort: Effort, seed: int, size: int, cell: Cell, shorter: Found | None) -> Found:
     system = motor.system()
     names = (*system.names, INFINITY)
     key = jax.random.fold_in(jax.random.key(seed), cell.horizon)

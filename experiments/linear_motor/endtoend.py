@@ -1,32 +1,32 @@
 """What designing through the filter and the closed loop gains: table6.csv, table7.csv."""
 
+import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import tyro
 from tqdm import tqdm
 
 from experiments.linear_motor import gain_maps, tables
-from experiments.linear_motor.designs import STUDIED, Cell, trajectory_path
+from experiments.linear_motor.designs import STUDIED
 from experiments.linear_motor.settings import HARDER, STUDY
-from experiments.linear_motor.stages import STAGES, Case, Motions, errors
-from experiments.processes import each
+from experiments.linear_motor.stages import EFFORTS, FILTERED, STAGES, Case, Designs, worth
+from experiments.processes import chained
 from jaxid import linear_motor as motor
-from jaxid.files import read_table, read_trajectory, write_table
+from jaxid.files import Cell as Value
+from jaxid.files import read_table, write_table
 from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory, uniform
 
 BANDWIDTHS = (50.0, 100.0, 300.0, 1000.0)  # rad/s
 HARDER_HORIZON = 40
-SHARED = ("by_18", "two_stage")  # that do not know the filter
-Item = TypeVar("Item")
-Rows = list[tables.Row]
+Key = tuple[str, str, int, float, str]
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,25 @@ class EndToEnd:
         """The study's motor: parameters, horizons, bandwidths."""
         settings = [replace(STUDY, bandwidth=w) for w in BANDWIDTHS]
         horizons = motor.HORIZONS[1:]
-        found = [Case(s, name, n, self.toy) for name in STUDIED for n in horizons for s in settings]
-        return found[: 1 if self.toy else None]
+        if self.toy:
+            return [Case(s, "M", horizons[0], self.motions, True) for s in settings[:2]]
+        return [
+            Case(s, name, n, self.motions, self.toy)
+            for n in horizons
+            for name in STUDIED
+            for s in settings
+        ]
 
     def table_7(self) -> list[Case]:
         """The harder settings, at one horizon."""
-        horizon = motor.HORIZONS[1] if self.toy else HARDER_HORIZON
-        found = [Case(s, name, horizon, self.toy) for s in HARDER for name in STUDIED]
-        return found[: 1 if self.toy else None]
+        if self.toy:
+            return [Case(HARDER[0], "M", motor.HORIZONS[1], self.motions, True)]
+        return [Case(s, name, HARDER_HORIZON, self.motions) for s in HARDER for name in STUDIED]
+
+    @property
+    def prefix(self) -> str:
+        """Of the files: a toy leaves those of a real run alone."""
+        return "toy_" if self.toy else ""
 
 
 @dataclass
@@ -67,26 +78,28 @@ class Archive:
     """Everything that was found, in a file that is whole at any moment."""
 
     path: Path
-    rows: Rows = field(default_factory=list)
+    rows: dict[Key, tables.Row] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.path.exists():
-            self.rows = [dict(row) for row in read_table(self.path)]
+            self.rows = {key_of(row): dict(row) for row in read_table(self.path)}
 
-    def add(self, rows: Rows) -> None:
-        """Keep them."""
-        self.rows += rows
-        write_table(self.path, tables.SEARCHES, self.rows)
+    def add(self, rows: list[tables.Row]) -> None:
+        """Keep them, instead of those that have their names."""
+        self.rows |= {key_of(row): row for row in rows}
+        write_table(self.path, tables.SEARCHES, self.rows.values())
 
     def of(self, case: Case) -> dict[str, tables.Row]:
-        """Its rows, by design."""
-        same = [row for row in self.rows if _names(row) == _names(_labels(case))]
-        return {str(row["design"]): row for row in same}
+        """Its rows by design, but for those that were made from other inputs."""
+        inputs = fingerprint(case)
+        keys = {name: key_of({**labels(case), "design": name}) for name in STAGES}
+        rows = {name: self.rows[key] for name, key in keys.items() if key in self.rows}
+        return {name: row for name, row in rows.items() if row["inputs"] == inputs}
 
 
 def main(options: EndToEnd) -> None:
     """Search what is missing, save, print."""
-    archive = Archive(options.out / "endtoend.csv")
+    archive = Archive(options.out / f"{options.prefix}endtoend.csv")
     complete(options, archive)
     for name, cases, draw in (
         ("table6", options.table_6(), gain_maps.study),
@@ -94,75 +107,65 @@ def main(options: EndToEnd) -> None:
     ):
         rows = [tables.gains(archive.of(case)) for case in cases]
         table = tables.Table(tables.GAINS[name], rows)
-        write_table(options.out / f"{name}.csv", table.header, table.rows)
-        draw(options.out / f"{name}.png", rows)
-        print(table.text(f"{name}: J_f by stages of the design; per cent of the stage before"))
-        print()
+        write_table(options.out / f"{options.prefix}{name}.csv", table.header, table.rows)
+        draw(options.out / f"{options.prefix}{name}.png", rows)
+        print(table.text(f"{name}: J_f by stages of the design"), end="\n\n")
 
 
 def complete(options: EndToEnd, archive: Archive) -> None:
-    """First the designs that several cases share, then those of each case."""
-    # horizon by horizon: each has compilations of its own
-    cases = sorted(options.table_6() + options.table_7(), key=lambda case: case.horizon)
+    """Every design that the archive does not have yet, saved as soon as it is found."""
     groups: dict[tuple[str, str, int], list[Case]] = {}
-    for case in cases:
+    for case in options.table_6() + options.table_7():
         groups.setdefault((case.setting.label, case.parameter, case.horizon), []).append(case)
-    missing = [group for group in groups.values() if not archive.of(group[-1])]
-    begin = partial(first_designs, options.motions)
-    keep(archive, "without filter and loop", begin, missing, options.processes)
-    rest = [(case, archive.of(case)) for case in cases]
-    rest = [(case, rows) for case, rows in rest if len(rows) < len(STAGES)]
-    keep(archive, "through filter and loop", last_designs, rest, options.processes)
+    chains = [missing(archive, group) for group in groups.values()]
+    found = chained(searched, chains, options.processes)
+    with tqdm(found, "designs", sum(map(len, chains))) as progress:
+        for state in progress:
+            archive.add([state.row])
+            progress.set_postfix_str(" ".join(map(str, key_of(state.row))))
 
 
-def keep(
-    archive: Archive,
-    title: str,
-    search: Callable[[Item], Rows],
-    items: Sequence[Item],
-    processes: int,
-) -> None:
-    """Each result is in the file as soon as it is there."""
-    with tqdm(each(search, items, processes), title, len(items), disable=not items) as found:
-        for rows in found:
-            archive.add(rows)
-            found.set_postfix_str(f"{rows[-1]['setting']}, {rows[-1]['parameter']}")
+class Search(NamedTuple):
+    """One design to find, and what is known: of earlier cases of its group, and of its own."""
+
+    case: Case
+    design: str
+    earlier: Designs
+    own: Designs
 
 
-def first_designs(folder: Path, group: Sequence[Case]) -> Rows:
-    """Rows of the designs that do not know the filter, for several filters."""
-    case, motions, seconds = group[0], Motions(), {}
-    if case.setting.label == STUDY.label:
-        path = trajectory_path(folder, Cell(case.parameter, case.horizon))
-        motions["table_1"] = read_trajectory(path)
-    for name in SHARED:
-        motions[name], seconds[name] = timed(name, case, motions)
-    return [to_row(other, name, motions[name], seconds[name]) for other in group for name in SHARED]
+class State(NamedTuple):
+    """What a chain of searches has found: designs of one axis, for one filter after another."""
+
+    row: tables.Row
+    designs: dict[str, JerkTrajectory]
 
 
-def last_designs(begun: tuple[Case, dict[str, tables.Row]]) -> Rows:
-    """Rows of the designs of one case that know the filter."""
-    case, rows = begun
-    motions = {name: to_motion(row) for name, row in rows.items()}
-    found = []
-    for name in STAGES:
-        if name not in motions:
-            motions[name], seconds = timed(name, case, motions)
-            found.append(to_row(case, name, motions[name], seconds))
-    return found
+def missing(archive: Archive, group: Sequence[Case]) -> list[Search]:
+    """A chain for cases that differ in their filter."""
+    chain, earlier = [], {}
+    for case in group:
+        own = {name: to_motion(row) for name, row in archive.of(case).items()}
+        chain += [Search(case, name, earlier, own) for name in STAGES if name not in own]
+        earlier = {**earlier, **own}
+    return chain
 
 
-def timed(name: str, case: Case, motions: Motions) -> tuple[JerkTrajectory, float]:
-    """A design and the seconds that its search took, compilations included."""
+def searched(search: Search, last: State | None) -> State:
+    """One design. Those that do not know the filter are found once for all filters."""
+    designs = {**search.earlier, **(last.designs if last else {}), **search.own}
     begin = time.perf_counter()
-    return STAGES[name](case, motions), time.perf_counter() - begin
+    if search.design in FILTERED or search.design not in designs:
+        designs[search.design] = STAGES[search.design](search.case, designs)
+    seconds = time.perf_counter() - begin
+    return State(to_row(search.case, search.design, designs[search.design], seconds), designs)
 
 
 def to_row(case: Case, name: str, motion: JerkTrajectory, seconds: float) -> tables.Row:
-    """Of the archive."""
+    """Of the archive; the seconds have compilations in them."""
     jerk = " ".join(f"{x:.17g}" for x in np.asarray(motion.jerk))
-    found = dict(zip(tables.SEARCHES[6:11], errors(case, motion), strict=True))
-    return {**_labels(case), "design": name, "seconds": seconds, **found, "jerk_m_s3": jerk}
+    made = {"design": name, "inputs": fingerprint(case), "seconds": seconds}
+    return {**labels(case), **made, **worth(case, motion)._asdict(), "jerk_m_s3": jerk}
 
 
 def to_motion(row: tables.Row) -> JerkTrajectory:
@@ -171,23 +174,26 @@ def to_motion(row: tables.Row) -> JerkTrajectory:
     return uniform(motor.boundary().start, jerk, motor.KNOT_PERIOD)
 
 
-def _labels(case: Case) -> tables.Row:
-    return {
-        "setting": case.setting.label,
-        "parameter": case.parameter,
-        "N": case.horizon,
-        "w_rad_s": case.setting.bandwidth,
-    }
+def labels(case: Case) -> tables.Row:
+    """Its names in tables."""
+    values = case.setting.label, case.parameter, case.horizon, case.setting.bandwidth
+    return dict(zip(tables.LABELS, values, strict=True))
 
 
-def _names(row: tables.Row) -> tuple[str, str, int, float]:
+def fingerprint(case: Case) -> str:
+    """Of what the searches of a case begin from: rows with another one are searched again."""
+    digest = hashlib.sha256(repr((case.setting, case.toy, EFFORTS)).encode())
+    for array in jax.tree.leaves((case.setting.limits(), case.setting.controller())):
+        digest.update(np.asarray(array).tobytes())
+    if case.setting.planned_as_in_study:
+        digest.update(np.asarray(STAGES["by_18"](case, {}).jerk).tobytes())
+    return digest.hexdigest()[:16]
+
+
+def key_of(row: Mapping[str, Value]) -> Key:
     """Numbers from a file and numbers from here compare as equal."""
-    return (
-        str(row["setting"]),
-        str(row["parameter"]),
-        int(row["N"] or 0),
-        float(row["w_rad_s"] or 0),
-    )
+    setting, parameter, horizon, bandwidth = (row[name] or 0 for name in tables.LABELS)
+    return str(setting), str(parameter), int(horizon), float(bandwidth), str(row["design"])
 
 
 if __name__ == "__main__":

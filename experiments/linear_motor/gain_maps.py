@@ -10,7 +10,7 @@ from experiments.linear_motor.designs import STUDIED
 from experiments.linear_motor.figures import SYMBOLS
 from jaxid import report
 
-STAGES = {
+CHANGES = {
     "limit_percent": "limit",
     "filter_percent": "filter",
     "loop_percent": "loop",
@@ -20,7 +20,7 @@ STAGES = {
 
 def study(path: Path, rows: Sequence[tables.Row]) -> None:
     """Filter, loop and worst case: horizons by bandwidths, one row of panels per parameter."""
-    stages = list(STAGES.items())[1:]
+    stages = list(CHANGES.items())[1:]
     names = [name for name in STUDIED if any(row["parameter"] == name for row in rows)]
     canvas, panels = report.figure(len(names), len(stages), (9.5, 2.7 * len(names)))
     horizons, bandwidths = (_values(rows, column) for column in ("N", "w_rad_s"))
@@ -43,9 +43,9 @@ def harder(path: Path, rows: Sequence[tables.Row]) -> None:
     canvas, panels = report.figure(1, len(names), (9.5, 3.6))
     for panel, name in zip(panels, names, strict=True):
         own = [row for row in rows if row["parameter"] == name]
-        values = np.array([[float(row[column] or 0.0) for column in STAGES] for row in own])
+        values = np.array([[float(row[column] or 0.0) for column in CHANGES] for row in own])
         settings = [str(row["setting"]) for row in own] if panel is panels[0] else [""] * len(own)
-        report.heat_map(panel, values, settings, list(STAGES.values()), "{:.1f}")
+        report.heat_map(panel, values, settings, list(CHANGES.values()), "{:.1f}")
         report.label(panel, "", "", f"$J_f$ of {SYMBOLS[name]}, %")
         panel.tick_params(axis="x", rotation=30)
     report.save(canvas, path)

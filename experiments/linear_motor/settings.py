@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import equinox as eqx
+import jax
 
 from experiments.linear_motor.runs import PERIODS
 from jaxid import linear_motor as motor
@@ -13,7 +14,7 @@ from jaxid.disturbance import (
     Disturbance,
     LowSpeedFriction,
     NoDisturbance,
-    square_wave,
+    random_shares,
 )
 from jaxid.limits import Limits, acceleration_limit, acceleration_reach
 from jaxid.loop import Scenarios, every, vertices
@@ -24,7 +25,6 @@ GAINS = {
     "study": motor.ARC_GAINS,
     "weak": {"k1": 20.0, "k2": 10.0, "epsilon": 1.0, "gamma": (0.0, 0.0, 0.0, 0.0)},
 }
-_WAVE = 100  # ticks: a force of ±δ that changes its sign every 20 ms
 
 
 @dataclass(frozen=True)
@@ -72,19 +72,28 @@ class Setting:
         box["input"] = (-self.input, self.input)
         return Limits(acceleration=accelerations(self.system(), **box), jerk=whole.jerk, **box)
 
+    @property
+    def planned_as_in_study(self) -> bool:
+        """Whether (18) asks for the motions of the study: neither box nor limits are others."""
+        return self.input == STUDY.input and self.mass == STUDY.mass
+
     def nominal(self) -> Scenarios:
         """The plant in the middle of the box."""
         system = self.system()
         return every(system, system.centre[None], [self._disturbance()])
 
     def plants(self, ticks: int) -> Scenarios:
-        """Every corner of the box, each with three disturbances.
+        """Every corner of the box: its own disturbance, cogging, an adversary, random forces.
 
         Args:
             ticks: of one motion.
         """
-        pushing = AgainstTracking(self.controller().k1)
-        kinds = [self._disturbance(), pushing, square_wave(PERIODS * ticks, _WAVE)]
+        kinds = [
+            self._disturbance(),
+            motor.plant().disturbance,
+            AgainstTracking(self.controller().k1),
+            random_shares(jax.random.key(0), PERIODS * ticks),
+        ]
         return every(self.system(), vertices(self.system()), kinds)
 
     def _disturbance(self) -> Disturbance:

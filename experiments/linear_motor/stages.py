@@ -5,9 +5,10 @@ sensor: the objective sees an exact one, because steps of an encoder have no slo
 """
 
 import contextlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 
 import equinox as eqx
@@ -16,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Int
 
-from experiments.linear_motor.designs import TOY, Cell
+from experiments.linear_motor.designs import TOY, Cell, trajectory_path
 from experiments.linear_motor.runs import PERIODS
-from experiments.linear_motor.settings import STUDY, Setting
+from experiments.linear_motor.settings import Setting
 from jaxid import linear_motor as motor
 from jaxid.admissible import inside
 from jaxid.axis_conditions import Frozen, frozen, perfect
@@ -26,6 +27,7 @@ from jaxid.bound import Norm, individual
 from jaxid.design import Effort as SearchEffort
 from jaxid.design import design
 from jaxid.experiment import design_motion
+from jaxid.files import read_trajectory
 from jaxid.limits import Limits, Prediction, shrunk
 from jaxid.loop import Loop, Sampled, Scenarios, excesses
 from jaxid.objective import FilteredError, PerfectTracking, PlannedError, ThroughLoop
@@ -34,13 +36,14 @@ from jaxid.refine import Effort, refine
 from jaxid.sensing import Encoder, IdealSensor, Sensor
 from jaxid.trajectory import JerkTrajectory
 
-Motions = dict[str, JerkTrajectory]
+Designs = Mapping[str, JerkTrajectory]
 _SEED = 0  # of the cold searches
 _SPARE = 1e-3  # half-widths of every limit, kept by both sides of the comparison
 _COARSE = 0.001  # s: ticks of the cold search through the filter
+_MOST = 0.9  # of the ticks
 _BLEND = 0.005  # m/s, about what the speed changes by in a tick
-_EFFORT = Effort(rounds=4)  # of every refinement: eight rounds found nothing better
-_ACTIVE, _RENEWED = 8, 2  # plants in a search for the worst, and how often they are chosen
+_EFFORT = Effort(rounds=4, polish_steps=20)  # of every refinement
+_ACTIVE = 8  # plants in a search for the worst
 
 
 @dataclass(frozen=True)
@@ -51,12 +54,14 @@ class Case:
         setting: the axis and its filter.
         parameter: that the experiment is for.
         horizon: N_i.
-        toy: search hardly at all.
+        motions: the folder with the trajectories of the study.
+        toy: search hardly at all, for one period and two plants.
     """
 
     setting: Setting
     parameter: str
     horizon: int
+    motions: Path = Path("figures")
     toy: bool = False
 
     @property
@@ -121,32 +126,32 @@ class Case:
         return Problem(objective, limits, motor.boundary(), axis)
 
 
-class Errors(NamedTuple):
+class Worth(NamedTuple):
     """Of one motion for the parameter of a case.
 
     Attributes:
-        planned: J*, on the desired motion.
-        nominal: J_f of the nominal closed loop.
-        worst: the largest J_f of the plants of the setting.
+        J_star: on the desired motion.
+        J_f: of the nominal closed loop.
+        J_f_worst: the largest of the plants of the setting.
         beyond: half-widths by which the worst of these plants leaves a limit, exact sensor.
-        beyond_encoder: the same with the encoder.
+        beyond_with_encoder: the same with the encoder.
     """
 
-    planned: float
-    nominal: float
-    worst: float
+    J_star: float
+    J_f: float
+    J_f_worst: float
     beyond: float
-    beyond_encoder: float
+    beyond_with_encoder: float
 
 
-def errors(case: Case, motion: JerkTrajectory) -> Errors:
+def worth(case: Case, motion: JerkTrajectory) -> Worth:
     """What a motion is worth, and whether the axis keeps its limits."""
 
     def beyond(sensor: Sensor) -> float:
         found = excesses(case.loop(sensor), case.plants, case.setting.limits(), motion)
         return float(jnp.max(found))
 
-    return Errors(
+    return Worth(
         _value(case.planned(), motion),
         _value(case.through(case.setting.nominal()), motion),
         _value(case.through(case.plants), motion),
@@ -155,64 +160,57 @@ def errors(case: Case, motion: JerkTrajectory) -> Errors:
     )
 
 
-def by_18(case: Case, motions: Motions) -> JerkTrajectory:
+def by_18(case: Case, before: Designs) -> JerkTrajectory:
     """The paper's way: J* under (18). The axis may leave its limits."""
-    if case.setting.label == STUDY.label and "table_1" in motions:
-        return motions["table_1"]
+    if case.setting.planned_as_in_study:
+        cell = Cell(case.parameter, case.horizon)
+        return read_trajectory(trajectory_path(case.motions, cell))
     return _cold(case, case.setting.limits_by_18(), None)
 
 
-def two_stage(case: Case, motions: Motions) -> JerkTrajectory:
+def two_stage(case: Case, before: Designs) -> JerkTrajectory:
     """J*, then the experiment: from the design by (18) and from a cold search."""
-    axis = _still(case, motions["by_18"])
+    axis = _still(case, before["by_18"])
     found = _cold(case, case.setting.limits(), axis)
-    return _refined(case, case.planned(), [motions["by_18"], found])
+    return _refined(case, case.planned(), [before["by_18"], found])
 
 
-def filter_aware(case: Case, motions: Motions) -> JerkTrajectory:
-    """J_f of perfect tracking: from the two-stage design and from a cold search of its own."""
-    axis, system = _still(case, motions["by_18"]), case.setting.system()
-    task = _task(case, case.setting.limits(), axis)
-    count = round(case.intervals * motor.KNOT_PERIOD / _COARSE)
-    coarse = PerfectTracking(system, case.criterion(_COARSE), case.speed, _COARSE, count)
-    found = design(coarse, task, _key(case), effort=_search_effort(case))
-    return _refined(case, case.aware(), [motions["two_stage"], found.trajectory])
+def filter_aware(case: Case, before: Designs) -> JerkTrajectory:
+    """J_f of perfect tracking: from the two-stage design, and from a cold search of its own.
+
+    Or from the motion for another filter, where there is one.
+    """
+    other = before.get("filter_aware") or _cold_through_filter(case, before["by_18"])
+    return _refined(case, case.aware(), [before["two_stage"], other])
 
 
-def end_to_end(case: Case, motions: Motions) -> JerkTrajectory:
+def end_to_end(case: Case, before: Designs) -> JerkTrajectory:
     """J_f of the nominal closed loop, from the better of the two before."""
     objective = case.through(case.setting.nominal())
-    begin = _least(objective, [motions["two_stage"], motions["filter_aware"]])
+    begin = _least(objective, [before["two_stage"], before["filter_aware"]])
     return _refined(case, objective, [begin])
 
 
-def robust(case: Case, motions: Motions) -> JerkTrajectory:
+def robust(case: Case, before: Designs) -> JerkTrajectory:
     """The worst J_f of all plants, from the best of those before.
 
-    Few plants are ever the worst: only those are in the objective that came nearest to it on a
-    motion so far.
+    Few plants are ever the worst: only those are in the objective that come nearest to it.
     """
     whole = case.through(case.plants)
-    best = _least(whole, [motions[name] for name in ("two_stage", "filter_aware", "end_to_end")])
-    nearest = np.full(case.plants.theta.shape[0], -np.inf)
-    for _ in range(1 if case.toy else _RENEWED):
-        values = np.asarray(_each(whole, best))
-        nearest = np.maximum(nearest, values - values.max())
-        part = case.through(_some(case.plants, np.argsort(-nearest)[:_ACTIVE]))
-        better = _least(whole, [best, _refined(case, part, [best])])
-        if better is best:
-            break
-        best = better
-    return best
+    best = _least(whole, [before[name] for name in ("two_stage", "filter_aware", "end_to_end")])
+    worst = np.argsort(-np.asarray(_each(whole, best)))[:_ACTIVE]
+    return _least(whole, [best, _refined(case, case.through(_some(case.plants, worst)), [best])])
 
 
-STAGES: dict[str, Callable[[Case, Motions], JerkTrajectory]] = {
+STAGES: dict[str, Callable[[Case, Designs], JerkTrajectory]] = {
     "by_18": by_18,
     "two_stage": two_stage,
     "filter_aware": filter_aware,
     "end_to_end": end_to_end,
     "robust": robust,
 }
+EFFORTS = (SearchEffort(), _EFFORT, _ACTIVE, _SEED)
+FILTERED = ("filter_aware", "end_to_end", "robust")  # those that know the filter
 
 
 def _cold(case: Case, limits: Limits, axis: Frozen | None) -> JerkTrajectory:
@@ -221,26 +219,34 @@ def _cold(case: Case, limits: Limits, axis: Frozen | None) -> JerkTrajectory:
     return design_motion(system, task, case.parameter, key, effort=effort).trajectory
 
 
+def _cold_through_filter(case: Case, by_18: JerkTrajectory) -> JerkTrajectory:
+    system, axis = case.setting.system(), _still(case, by_18)
+    count = round(case.intervals * motor.KNOT_PERIOD / _COARSE)
+    coarse = PerfectTracking(system, case.criterion(_COARSE), case.speed, _COARSE, count)
+    task = _task(case, case.setting.limits(), axis)
+    return design(coarse, task, _key(case), effort=_search_effort(case)).trajectory
+
+
 def _task(case: Case, limits: Limits, axis: Frozen | None) -> Task:
     return Task(limits, motor.boundary(), case.intervals, motor.KNOT_PERIOD, axis)
 
 
 def _still(case: Case, motion: JerkTrajectory) -> Frozen:
-    """An axis for cold searches: the most that the real one adds to a motion, at all times.
+    """An axis for cold searches: what the real one adds to a motion at most ticks, at all times.
 
     Or as much of it as leaves room for any motion: refinement sees what is really added.
     """
-    problem = case.problem(case.planned())
+    problem, system = case.problem(case.planned()), case.setting.system()
     assert problem.axis is not None
     added = frozen(problem.axis, problem.limits, motion).added
-    y, v, u, _ = (float(jnp.max(jnp.maximum(-x.lower, x.upper))) for x in added)
+    usual = [float(jnp.quantile(jnp.maximum(-x.lower, x.upper), _MOST)) for x in added]
     for share in (1.0, 0.7, 0.4):
-        margins = (share * y, share * v, share * u, 0.0)
-        axis = perfect(case.setting.system(), 5 * case.intervals, margins)
-        with contextlib.suppress(ValueError):
+        y, v, u = (share * margin for margin in usual[:3])
+        axis = perfect(system, 5 * case.intervals, (y, v, u, 0.0))
+        with contextlib.suppress(ValueError):  # no room
             inside(case.problem(case.planned(), axis), case.intervals, motor.KNOT_PERIOD)
             return axis
-    return perfect(case.setting.system(), 5 * case.intervals, (0.0, 0.0, 0.0, 0.0))
+    return perfect(system, 5 * case.intervals, (0.0, 0.0, 0.0, 0.0))
 
 
 def _refined(case: Case, objective: Objective, starts: Iterable[JerkTrajectory]) -> JerkTrajectory:
