@@ -7,7 +7,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from jaxid.disturbance import Sequence
 from jaxid.limits import Limits
-from jaxid.loop import Loop, Scenarios, random_forces, random_parameters, vertices
+from jaxid.loop import Loop, Scenarios, random_forces, random_parameters
 from jaxid.simulate import Plant
 from jaxid.system import Scalar, System
 from jaxid.trajectory import JerkTrajectory
@@ -33,8 +33,9 @@ def adversaries(
 ) -> Scenarios:
     """`count` plants, each searched for one side of one limit in turn.
 
-    From corners of Ω_θ and random points in turn, with random Δ; then θ goes to the corner and Δ to
-    the end of ±δ that the slope of the largest excess points to, several times; the worst is kept.
+    From random points of Ω_θ, and corners next to such points, in turn, with random Δ; then θ goes
+    to the corner and Δ to the end of ±δ that the slope of the largest excess points to, several
+    times; the worst is kept.
 
     Args:
         loop: with a sensor that has slopes (`IdealSensor`).
@@ -44,13 +45,12 @@ def adversaries(
         key: of the random starts; plant k depends on it and on k alone.
         count: of plants.
     """
-    corners = vertices(system)
     first, second = jax.random.split(key)
     inner = random_parameters(first, system, count)
     which = jnp.arange(count)
+    corners = jnp.where(inner > system.centre[None], system.upper[None], system.lower[None])
     # every side meets corners and inner points
-    corner = (which // _SIDES) % 2 == 0
-    theta = jnp.where(corner[:, None], corners[which // (2 * _SIDES) % len(corners)], inner)
+    theta = jnp.where((which // _SIDES % 2 == 0)[:, None], corners, inner)
     forces = random_forces(second, loop.ticks * loop.repeats, count)
     starts = _Plants(theta, forces.shares)
     found = _searched(loop, system, limits, trajectory, starts, which % _SIDES)

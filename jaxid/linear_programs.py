@@ -36,11 +36,14 @@ def linear_step(c: Inequalities, at: Point, radius: float) -> Vector:
     Args:
         c: the conditions.
         at: where the motion is; it may break conditions, if the region reaches where they hold.
+            With a slope that is no number there is no move.
         radius: of the trust region, in the unit of the jerk.
 
     Conditions that the motion is near to are imposed, then those that the move turns out to break:
     with all of them from the beginning the programs take three times longer.
     """
+    if not np.all(np.isfinite(at.slope)):
+        return np.zeros_like(at.jerk)
     here = c.rows @ at.jerk
     up = ~c.fixed & (here > c.upper - _NEAR)
     down = ~c.fixed & (here < c.lower + _NEAR)

@@ -7,7 +7,8 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Key, PRNGKeyArray
+import numpy as np
+from jaxtyping import Array, Float, Int, Key, PRNGKeyArray
 
 from jaxid.control import Controller
 from jaxid.disturbance import Disturbance, Mixture, random_shares
@@ -60,6 +61,11 @@ class Scenarios(eqx.Module):
     system: System
     theta: Float[Array, "k m"]
     disturbance: Disturbance
+
+    def __getitem__(self, chosen: Int[Array | np.ndarray, " c"]) -> "Scenarios":
+        """The plants of these numbers."""
+        parts = jax.tree.map(lambda x: x[chosen], (self.theta, self.disturbance))
+        return Scenarios(self.system, *parts)
 
     def map(self, function: Callable[[Plant], Result]) -> Result:
         """The results for every plant, along a new first axis."""

@@ -91,7 +91,8 @@ def refine(
     report("quasi-Newton steps")
     z = space.coordinates(best.jerk)
     found = space.trajectory(_quasi_newton(_still(problem, best), space, z, effort))
-    accept(repaired(problem, deep, found))
+    if jnp.all(jnp.isfinite(found.jerk)):  # where an objective has no slope the search is lost
+        accept(repaired(problem, deep, found))
     report("linear programs")
     accept(polish(problem, deep, best, effort.polish_steps))
     return Refined(best, history[-1], tuple(history))

@@ -192,3 +192,14 @@ def test_inside_is_inside_for_the_axis_too(problem):
     plain = interior(motor.limits(), motor.boundary(), 60, T)
     np.testing.assert_array_equal(deep.jerk, plain.jerk)
     assert jax.tree.structure(deep) == jax.tree.structure(plain)
+
+
+def test_where_the_objective_has_no_slope_the_start_remains(motion):
+    """Its slope at the start is 0/0: a search for it must neither stop the program nor win."""
+
+    def objective(trajectory, smoothing):
+        return jnp.sqrt(jnp.sum((trajectory.jerk - motion.jerk) ** 2))
+
+    problem = Problem(objective, motor.limits(), motor.boundary())
+    found = refine(problem, motion, Effort(rounds=1, steps=2, polish_steps=2))
+    np.testing.assert_array_equal(found.trajectory.jerk, motion.jerk)

@@ -14,9 +14,10 @@ import tyro
 from tqdm import tqdm
 
 from experiments.linear_motor import gain_maps, tables
+from experiments.linear_motor.cases import Case, worth
 from experiments.linear_motor.designs import STUDIED
 from experiments.linear_motor.settings import HARDER, STUDY
-from experiments.linear_motor.stages import EFFORTS, FILTERED, STAGES, Case, Designs, worth
+from experiments.linear_motor.stages import EFFORTS, FILTERED, STAGES, Designs, by_18
 from experiments.processes import chained
 from jaxid import linear_motor as motor
 from jaxid.files import Cell as Value
@@ -105,7 +106,7 @@ def main(options: EndToEnd) -> None:
         ("table6", options.table_6(), gain_maps.study),
         ("table7", options.table_7(), gain_maps.harder),
     ):
-        rows = [tables.gains(archive.of(case)) for case in cases]
+        rows = [labels(case) | tables.gains(archive.of(case)) for case in cases]
         table = tables.Table(tables.GAINS[name], rows)
         write_table(options.out / f"{options.prefix}{name}.csv", table.header, table.rows)
         draw(options.out / f"{options.prefix}{name}.png", rows)
@@ -186,7 +187,7 @@ def fingerprint(case: Case) -> str:
     for array in jax.tree.leaves((case.setting.limits(), case.setting.controller())):
         digest.update(np.asarray(array).tobytes())
     if case.setting.planned_as_in_study:
-        digest.update(np.asarray(STAGES["by_18"](case, {}).jerk).tobytes())
+        digest.update(np.asarray(by_18(case, {}).jerk).tobytes())
     return digest.hexdigest()[:16]
 
 

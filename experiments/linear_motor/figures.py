@@ -108,12 +108,12 @@ def amplitudes(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
 
 
 def tube(
-    folder: Path, planned: States, proved: Envelope, seen: Envelope, limits: Limits, name: str
+    path: Path, planned: States, proved: Envelope, seen: Envelope, limits: Limits, name: str
 ) -> None:
     """What the axis may do beside its motion, proved and seen, and the room that it has.
 
     Args:
-        folder: for tube.png.
+        path: of the picture.
         planned: the motion at the ticks of the envelopes.
         proved: of all plants.
         seen: of those that were tried.
@@ -142,7 +142,7 @@ def tube(
     names = ("proved, every plant", "seen", "limit")
     panels[0].legend(names, fontsize=10, loc="upper center", ncols=3)
     panels[-1].set_xlabel("time of the motion (s)", fontsize=12)
-    report.save(canvas, folder / "tube.png")
+    report.save(canvas, path)
 
 
 def overview(

@@ -23,6 +23,7 @@ from jaxid.system import Interval, System
 # Weak: the axis is up to 7 % of its top speed and 14 mm off its motion.
 GAINS = {
     "study": motor.ARC_GAINS,
+    "provable": motor.PROVABLE_GAINS,
     "weak": {"k1": 20.0, "k2": 10.0, "epsilon": 1.0, "gamma": (0.0, 0.0, 0.0, 0.0)},
 }
 
@@ -36,7 +37,7 @@ class Setting:
         input: limit of |u|, V.
         mass: times the interval of M.
         bandwidth: of H_f, rad/s.
-        gains: "study" or "weak".
+        gains: of ARC, one of `GAINS`.
         friction: of the nominal axis at low speed, V; within δ.
     """
 

@@ -1,0 +1,150 @@
+"""One experiment to design: its objectives, its limits, and what a motion is worth in it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.linear_motor.designs import Cell
+from experiments.linear_motor.runs import PERIODS
+from experiments.linear_motor.settings import Setting
+from jaxid import linear_motor as motor
+from jaxid.bound import Norm, individual
+from jaxid.limits import Prediction, shrunk
+from jaxid.loop import Loop, Sampled, Scenarios, excesses
+from jaxid.objective import FilteredError, PerfectTracking, PlannedError, ThroughLoop
+from jaxid.problem import Objective, Problem
+from jaxid.sensing import Encoder, IdealSensor, Sensor
+from jaxid.trajectory import JerkTrajectory
+
+_SPARE = 1e-3  # half-widths of every limit, kept by both sides of the comparison
+_BLEND = 0.005  # m/s, about what the speed changes by in a tick
+
+
+@dataclass(frozen=True)
+class Case:
+    """One experiment to design.
+
+    Attributes:
+        setting: the axis and its filter.
+        parameter: that the experiment is for.
+        horizon: N_i.
+        motions: the folder with the trajectories of the study.
+        toy: search hardly at all, for one period and two plants.
+    """
+
+    setting: Setting
+    parameter: str
+    horizon: int
+    motions: Path = Path("figures")
+    toy: bool = False
+
+    @property
+    def intervals(self) -> int:
+        """Of constant jerk."""
+        return Cell(self.parameter, self.horizon).intervals
+
+    @property
+    def ticks(self) -> int:
+        """Of one motion."""
+        return round(self.intervals * motor.KNOT_PERIOD / motor.CONTROL_PERIOD)
+
+    @property
+    def index(self) -> int:
+        """Of the parameter."""
+        return motor.system().index(self.parameter)
+
+    @property
+    def norm(self) -> Norm:
+        """The error that counts."""
+        return individual(self.index, len(motor.system().names))
+
+    @property
+    def speed(self) -> float:
+        """The largest, m/s."""
+        return float(motor.limits().velocity[1])
+
+    @cached_property
+    def plants(self) -> Scenarios:
+        """That the limits must hold for, and that the worst is taken over."""
+        plants = self.setting.plants(self.ticks)
+        return plants[np.arange(2)] if self.toy else plants
+
+    def loop(self, sensor: Sensor, substeps: int = 1) -> Loop:
+        """The experiment of the study with the law of the setting."""
+        law, period = self.setting.controller(), motor.CONTROL_PERIOD
+        return Loop(law, sensor, period, self.ticks, 1 if self.toy else PERIODS, substeps)
+
+    def criterion(self, period: float = motor.CONTROL_PERIOD) -> FilteredError:
+        """Log J_f."""
+        return FilteredError(self.norm, self.setting.bandwidth, period)
+
+    def planned(self) -> PlannedError:
+        """Log J*."""
+        return PlannedError(self.setting.system(), self.norm, self.speed, 64)
+
+    def aware(self) -> PerfectTracking:
+        """Log J_f of an axis that follows exactly."""
+        repeats = 1 if self.toy else PERIODS
+        system, period = self.setting.system(), motor.CONTROL_PERIOD
+        return PerfectTracking(system, self.criterion(), self.speed, period, self.ticks, repeats)
+
+    def through(self, scenarios: Scenarios) -> ThroughLoop:
+        """Log J_f of the closed loop, the worst of some plants."""
+        loop = self.loop(IdealSensor())
+        return ThroughLoop(loop, scenarios, self.criterion(), self.speed, _BLEND)
+
+    def problem(self, objective: Objective, axis: Prediction | None = None) -> Problem:
+        """With the limits of the axis itself, by default what the plants do."""
+        limits = shrunk(self.setting.limits(), jnp.full(3, _SPARE))
+        axis = axis or Sampled(self.loop(IdealSensor()), self.plants)
+        return Problem(objective, limits, motor.boundary(), axis)
+
+
+class Worth(NamedTuple):
+    """Of one motion for the parameter of a case.
+
+    Attributes:
+        J_star: on the desired motion.
+        J_f: of the nominal closed loop.
+        J_f_worst: the largest of the plants of the setting.
+        beyond: half-widths by which the worst of these plants leaves a limit, exact sensor.
+        beyond_with_encoder: the same with the encoder.
+    """
+
+    J_star: float
+    J_f: float
+    J_f_worst: float
+    beyond: float
+    beyond_with_encoder: float
+
+
+def worth(case: Case, motion: JerkTrajectory) -> Worth:
+    """What a motion is worth, and whether the axis keeps its limits."""
+
+    def beyond(sensor: Sensor) -> float:
+        found = excesses(case.loop(sensor), case.plants, case.setting.limits(), motion)
+        return float(jnp.max(found))
+
+    return Worth(
+        value(case.planned(), motion),
+        value(case.through(case.setting.nominal()), motion),
+        value(case.through(case.plants), motion),
+        beyond(IdealSensor()),
+        beyond(Encoder(motor.ENCODER_RESOLUTION)),
+    )
+
+
+def value(objective: Objective, motion: JerkTrajectory) -> float:
+    """The error itself, not its log."""
+    return float(np.exp(_exact(objective, motion)))
+
+
+@eqx.filter_jit
+def _exact(objective: Objective, motion: JerkTrajectory) -> jax.Array:
+    return objective(motion, jnp.zeros(()))
