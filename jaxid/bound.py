@@ -2,6 +2,7 @@
 
 An estimator that is linear in the data is a matrix of weights G, θ̂ = G u, with G Φ = I. Its error
 is G Δ, whose i-th entry is at most Σ_k |G_ik| δ_k and reaches that with Δ_k = δ_k·sign(G_ik).
+Without G Φ = I it is affine about the centre of the prior box, which then adds to the error.
 """
 
 import equinox as eqx
@@ -35,6 +36,35 @@ def least_squares(rows: Rows, norm: "Norm | None" = None) -> Float[Array, "k n"]
 def worst_case_error(weights: Float[Array, "k n"], delta: Float[Array, " n"]) -> Float[Array, " k"]:
     """Max |Σ_k G_ik Δ_k| over all |Δ_k| ≤ δ_k: the row sums of (13) and (15), with P⁻¹."""
     return jnp.abs(weights) @ delta
+
+
+def bias(
+    weights: Float[Array, "k n"], rows: Rows, norm: "Norm | None" = None
+) -> Float[Array, "k m"]:
+    """C − GΦ: how an affine estimator C·centre + G(u − Φ·centre) of Cθ answers to θ − centre.
+
+    Zero, up to rounding, for least squares, weighted or not; C are the functionals of the norm, or
+    without one the parameters themselves.
+    """
+    products = jnp.stack([weights @ column for column in rows.columns], axis=1)
+    functionals = jnp.eye(len(rows.columns)) if norm is None else norm.functionals
+    return functionals - products
+
+
+def affine_worst_case_error(
+    weights: Float[Array, "k n"],
+    rows: Rows,
+    half_widths: Float[Array, " m"],
+    norm: "Norm | None" = None,
+) -> Float[Array, " k"]:
+    """Max |GΔ − (C − GΦ)(θ − centre)| over all |Δ_k| ≤ δ_k and all θ in a box, biased or not.
+
+    Both terms are symmetric and independent, so it is the sum of their maxima. It is reached by
+    `worst_case_disturbance` of a row of weights and of minus its bias, in half-widths of the box.
+    """
+    return worst_case_error(weights, rows.delta) + worst_case_error(
+        bias(weights, rows, norm), half_widths
+    )
 
 
 def smooth_worst_case_error(
