@@ -28,6 +28,7 @@ says which room may import from which; it is tested, and so is that nobody impor
     refine <- admissible, axis_conditions, feasible, polish, problem, system, trajectory
     record <- system, trajectory
     bound <- checks, record, system
+    minimax <- bound, checks, record, system
     filters <- record, system
     sensing <- filters, record, system, trajectory
     disturbance <- system
@@ -66,6 +67,7 @@ from jaxid.limits import (
     through,
 )
 from jaxid.loop import Loop, Sampled, Scenarios
+from jaxid.minimax import Optimum, minimax
 from jaxid.objective import FilteredError, ThroughLoop, planned_error
 from jaxid.problem import Problem, Task
 from jaxid.refine import refine
@@ -90,6 +92,7 @@ __all__ = [
     "Limits",
     "Loop",
     "OpenLoop",
+    "Optimum",
     "PDFeedforward",
     "Plant",
     "Problem",
@@ -109,6 +112,7 @@ __all__ = [
     "design",
     "design_motion",
     "identify",
+    "minimax",
     "planned_error",
     "position_at_least",
     "refine",
