@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from jaxid.record import Record
+from jaxid.record import Record, Rows
 from jaxid.system import Scalar
 
 
@@ -43,6 +43,12 @@ def adjoint(
 ) -> Float[Array, " n"]:
     """What weights on filtered rows are as weights on the rows themselves: H_fᵀ g."""
     return jnp.flip(low_pass(jnp.flip(weights), bandwidth, period))
+
+
+def filtered_rows(rows: Rows, bandwidth: Scalar | float, period: Scalar | float) -> Rows:
+    """The rows that a filtered record has: φ and δ filtered by H_f; the measure of a row stays."""
+    passed = low_pass(rows, bandwidth, period)
+    return eqx.tree_at(lambda r: r.measure, passed, rows.measure)
 
 
 @eqx.filter_jit
