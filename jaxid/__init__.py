@@ -30,6 +30,7 @@ says which room may import from which; it is tested, and so is that nobody impor
     bound <- checks, record, system
     minimax <- bound, checks, record, system
     filters <- record, system
+    estimators <- bound, filters, minimax, record, system
     sensing <- filters, record, system, trajectory
     disturbance <- system
     control <- checks, sensing, system, trajectory
@@ -55,7 +56,8 @@ simulate, system, trajectory
 
 from jaxid.control import ARC, OpenLoop, PDFeedforward
 from jaxid.design import Design, Effort, design
-from jaxid.estimate import Estimate
+from jaxid.estimate import Estimate, estimate
+from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
 from jaxid.experiment import design_motion, identify, run
 from jaxid.feasible import InfeasibleError
 from jaxid.limits import (
@@ -78,6 +80,7 @@ from jaxid.tube import Tube, cells
 
 __all__ = [
     "ARC",
+    "ESTIMATORS",
     "Boundary",
     "Constant",
     "ConstantBound",
@@ -86,11 +89,15 @@ __all__ = [
     "Effort",
     "Encoder",
     "Estimate",
+    "Estimator",
+    "Filtered",
     "FilteredError",
     "IdealSensor",
     "InfeasibleError",
+    "LeastSquares",
     "Limits",
     "Loop",
+    "Minimax",
     "OpenLoop",
     "Optimum",
     "PDFeedforward",
@@ -111,6 +118,7 @@ __all__ = [
     "cells",
     "design",
     "design_motion",
+    "estimate",
     "identify",
     "minimax",
     "planned_error",
