@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from experiments.linear_motor.designs import Cell
 from experiments.linear_motor.runs import PERIODS
@@ -22,7 +23,7 @@ from jaxid.problem import Objective, Problem
 from jaxid.sensing import Encoder, IdealSensor, Sensor
 from jaxid.trajectory import JerkTrajectory
 
-_SPARE = 1e-3  # half-widths of every limit, kept by both sides of the comparison
+ENCODER = Encoder(motor.ENCODER_RESOLUTION)
 _BLEND = 0.005  # m/s, about what the speed changes by in a tick
 
 
@@ -99,11 +100,24 @@ class Case:
         loop = self.loop(IdealSensor())
         return ThroughLoop(loop, scenarios, self.criterion(), self.speed, _BLEND)
 
-    def problem(self, objective: Objective, axis: Prediction | None = None) -> Problem:
-        """With the limits of the axis itself, by default what the plants do."""
-        limits = shrunk(self.setting.limits(), jnp.full(3, _SPARE))
-        axis = axis or Sampled(self.loop(IdealSensor()), self.plants)
-        return Problem(objective, limits, motor.boundary(), axis)
+    def problem(self, objective: Objective, axis: Prediction, room: Array) -> Problem:
+        """With the limits of the axis itself.
+
+        Args:
+            objective: to be minimised.
+            axis: what it does.
+            room: half-widths of position, velocity and input that are left unused.
+        """
+        return Problem(objective, shrunk(self.setting.limits(), room), motor.boundary(), axis)
+
+    def axis(self, sensor: Sensor) -> Sampled:
+        """What the plants do."""
+        return Sampled(self.loop(sensor), self.plants)
+
+    def beyond(self, sensor: Sensor, motion: JerkTrajectory) -> Array:
+        """Half-widths by which the worst plant leaves its position, velocity and input limits."""
+        found = excesses(self.loop(sensor), self.plants, self.setting.limits(), motion)
+        return jnp.max(found, axis=0)[:3]
 
 
 class Worth(NamedTuple):
@@ -111,32 +125,24 @@ class Worth(NamedTuple):
 
     Attributes:
         J_star: on the desired motion.
-        J_f: of the nominal closed loop.
-        J_f_worst: the largest of the plants of the setting.
-        beyond: half-widths by which the worst of these plants leaves a limit, exact sensor.
-        beyond_with_encoder: the same with the encoder.
+        J_f: of the nominal closed loop, exact sensor.
+        J_f_worst: the largest of the plants of the setting, exact sensor.
+        beyond: half-widths by which the worst of these plants leaves a limit, with the encoder.
     """
 
     J_star: float
     J_f: float
     J_f_worst: float
     beyond: float
-    beyond_with_encoder: float
 
 
 def worth(case: Case, motion: JerkTrajectory) -> Worth:
     """What a motion is worth, and whether the axis keeps its limits."""
-
-    def beyond(sensor: Sensor) -> float:
-        found = excesses(case.loop(sensor), case.plants, case.setting.limits(), motion)
-        return float(jnp.max(found))
-
     return Worth(
         value(case.planned(), motion),
         value(case.through(case.setting.nominal()), motion),
         value(case.through(case.plants), motion),
-        beyond(IdealSensor()),
-        beyond(Encoder(motor.ENCODER_RESOLUTION)),
+        float(jnp.max(case.beyond(ENCODER, motion))),
     )
 
 

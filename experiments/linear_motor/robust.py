@@ -10,7 +10,7 @@ import tyro
 from jaxtyping import Float
 
 from experiments.linear_motor import figures, tables
-from experiments.linear_motor.cases import Case
+from experiments.linear_motor.cases import ENCODER, Case
 from experiments.linear_motor.designs import STUDIED, TOY
 from experiments.linear_motor.settings import Setting
 from experiments.linear_motor.stages import by_18
@@ -23,16 +23,15 @@ from jaxid.disturbance import AgainstTracking, Disturbance, NoDisturbance
 from jaxid.experiment import design_motion
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.limits import Limits, Prediction, shrunk
-from jaxid.loop import Sampled, excesses, random_scenarios
+from jaxid.loop import excesses, random_scenarios
 from jaxid.objective import planned_error
 from jaxid.problem import Problem, Task
 from jaxid.refine import Effort, refine
 from jaxid.runtime import configure
-from jaxid.sensing import Encoder, IdealSensor
+from jaxid.sensing import IdealSensor
 from jaxid.trajectory import JerkTrajectory
 from jaxid.tube import Tube, cells
 
-ENCODER = Encoder(motor.ENCODER_RESOLUTION)
 CELLS = (8, 4, 4, 4)  # that Ω_θ is cut into for a proof
 # what the axis is given to begin with beside its motion: m, m/s and V, near what a tube needs
 PROVED_MARGINS, SAMPLED_MARGINS = (0.004, 0.04, 0.45, 0.0), (0.003, 0.03, 0.2, 0.0)
@@ -94,7 +93,7 @@ def draw(options: Robust, name: str) -> None:
     """The tube of the proved motion, and what corners of the box do in it."""
     case, found = options.case(name), motion(options, name, "proved")
     after = found.states(motor.CONTROL_PERIOD * jnp.arange(1, case.ticks + 1))
-    seen = Sampled(case.loop(ENCODER), case.plants)(found)
+    seen = case.axis(ENCODER)(found)
     path = options.out / f"{options.prefix}tube.png"
     figures.tube(path, after, tube(case)(found), seen, case.setting.limits(), name)
 
@@ -155,7 +154,7 @@ def sampled(options: Robust, case: Case) -> JerkTrajectory:
 
 def inside_of_plants(options: Robust, case: Case, begin: JerkTrajectory) -> JerkTrajectory | None:
     """Farther and farther inside until none of the plants of one seed leaves the limits."""
-    limits, axis = case.setting.limits(), Sampled(case.loop(IdealSensor()), case.plants)
+    limits, axis = case.setting.limits(), case.axis(IdealSensor())
     inwards = jnp.full(3, 1e-3)
     for _ in range(1 if case.toy else ROUNDS):
         found = improved(case, shrunk(limits, inwards), axis, begin)

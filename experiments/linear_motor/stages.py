@@ -1,18 +1,18 @@
 """Five ways to design one experiment: by (18), for J*, for J_f, through the loop, for the worst.
 
-All but the first keep the limits of the axis itself, for every plant of the setting with an exact
-sensor: the objective sees an exact one, because steps of an encoder have no slope.
+All but the first keep the limits of the axis itself, for every plant of the setting, encoder
+included. The objectives see an exact sensor, because steps of an encoder have no slope.
 """
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.linear_motor.cases import Case, value
+from experiments.linear_motor.cases import ENCODER, Case, value
 from experiments.linear_motor.designs import TOY, Cell, trajectory_path
 from jaxid import linear_motor as motor
 from jaxid.admissible import inside
@@ -25,13 +25,17 @@ from jaxid.limits import Limits
 from jaxid.objective import PerfectTracking, ThroughLoop
 from jaxid.problem import Objective, Task
 from jaxid.refine import Effort, refine
+from jaxid.sensing import IdealSensor
 from jaxid.trajectory import JerkTrajectory
 
 Designs = Mapping[str, JerkTrajectory]
 _SEED = 0  # of the cold searches
 _COARSE = 0.001  # s: ticks of the cold search through the filter
 _MOST = 0.9  # of the ticks
-_EFFORT = Effort(rounds=4, polish_steps=20)  # of every refinement
+_SPARE = 1e-3  # half-widths of every limit
+_EFFORT = Effort(rounds=4, polish_steps=20)  # of a refinement with an exact sensor
+_LAST_EFFORT = Effort(rounds=0, steps=1, polish_steps=5)  # and, after it, with the encoder
+_TOY_EFFORT = Effort(rounds=1, steps=2, polish_steps=2)
 _ACTIVE = 8  # plants in a search for the worst
 
 
@@ -47,7 +51,7 @@ def two_stage(case: Case, before: Designs) -> JerkTrajectory:
     """J*, then the experiment: from the design by (18) and from a cold search."""
     axis = _still(case, before["by_18"])
     found = _cold(case, case.setting.limits(), axis)
-    return _refined(case, case.planned(), [before["by_18"], found])
+    return _refined(case, case.planned(), before["by_18"], found)
 
 
 def filter_aware(case: Case, before: Designs) -> JerkTrajectory:
@@ -56,14 +60,15 @@ def filter_aware(case: Case, before: Designs) -> JerkTrajectory:
     Or from the motion for another filter, where there is one.
     """
     other = before.get("filter_aware") or _cold_through_filter(case, before["by_18"])
-    return _refined(case, case.aware(), [before["two_stage"], other])
+    found = _refined(case, case.aware(), before["two_stage"], other)
+    return _least(case.aware(), before["two_stage"], found)
 
 
 def end_to_end(case: Case, before: Designs) -> JerkTrajectory:
     """J_f of the nominal closed loop, from the better of the two before."""
     objective = case.through(case.setting.nominal())
-    begin = _least(objective, [before["two_stage"], before["filter_aware"]])
-    return _refined(case, objective, [begin])
+    best = _least(objective, before["two_stage"], before["filter_aware"])
+    return _least(objective, best, _refined(case, objective, best))
 
 
 def robust(case: Case, before: Designs) -> JerkTrajectory:
@@ -72,9 +77,9 @@ def robust(case: Case, before: Designs) -> JerkTrajectory:
     Few plants are ever the worst: only those are in the objective that come nearest to it.
     """
     whole = case.through(case.plants)
-    best = _least(whole, [before[name] for name in ("two_stage", "filter_aware", "end_to_end")])
+    best = _least(whole, *(before[name] for name in ("two_stage", "filter_aware", "end_to_end")))
     worst = np.argsort(-np.asarray(_each(whole, best)))[:_ACTIVE]
-    return _least(whole, [best, _refined(case, case.through(case.plants[worst]), [best])])
+    return _least(whole, best, _refined(case, case.through(case.plants[worst]), best))
 
 
 STAGES: dict[str, Callable[[Case, Designs], JerkTrajectory]] = {
@@ -84,7 +89,7 @@ STAGES: dict[str, Callable[[Case, Designs], JerkTrajectory]] = {
     "end_to_end": end_to_end,
     "robust": robust,
 }
-EFFORTS = (SearchEffort(), _EFFORT, _ACTIVE, _SEED)
+EFFORTS = (SearchEffort(), _EFFORT, _LAST_EFFORT, _ACTIVE, _SEED)
 FILTERED = ("filter_aware", "end_to_end", "robust")  # those that know the filter
 
 
@@ -111,27 +116,38 @@ def _still(case: Case, motion: JerkTrajectory) -> Frozen:
 
     Or as much of it as leaves room for any motion: refinement sees what is really added.
     """
-    problem, system = case.problem(case.planned()), case.setting.system()
-    assert problem.axis is not None
-    added = frozen(problem.axis, problem.limits, motion).added
+    system, limits = case.setting.system(), case.setting.limits()
+    added = frozen(case.axis(ENCODER), limits, motion).added
     usual = [float(jnp.quantile(jnp.maximum(-x.lower, x.upper), _MOST)) for x in added]
     for share in (1.0, 0.7, 0.4):
         y, v, u = (share * margin for margin in usual[:3])
         axis = perfect(system, 5 * case.intervals, (y, v, u, 0.0))
         with contextlib.suppress(ValueError):  # no room
-            inside(case.problem(case.planned(), axis), case.intervals, motor.KNOT_PERIOD)
+            problem = case.problem(case.planned(), axis, jnp.zeros(3))
+            inside(problem, case.intervals, motor.KNOT_PERIOD)
             return axis
     return perfect(system, 5 * case.intervals, (0.0, 0.0, 0.0, 0.0))
 
 
-def _refined(case: Case, objective: Objective, starts: Iterable[JerkTrajectory]) -> JerkTrajectory:
-    effort = Effort(rounds=1, steps=2, polish_steps=2) if case.toy else _EFFORT
-    problem = case.problem(objective)
-    found = [refine(problem, start, effort) for start in starts]
+def _refined(case: Case, objective: Objective, *starts: JerkTrajectory) -> JerkTrajectory:
+    """The best that is found from these starts.
+
+    First with an exact sensor and room for what the encoder adds: its noise is another one for each
+    motion, which a step cannot foresee. Then what is left, with the encoder itself.
+    """
+    long, short = (_TOY_EFFORT, _TOY_EFFORT) if case.toy else (_EFFORT, _LAST_EFFORT)
+    exact, real = case.axis(IdealSensor()), case.axis(ENCODER)
+    found = []
+    for start in starts:
+        room = _SPARE + 1.1 * jnp.maximum(
+            case.beyond(ENCODER, start) - case.beyond(IdealSensor(), start), 0.0
+        )
+        near = refine(case.problem(objective, exact, room), start, long).trajectory
+        found.append(refine(case.problem(objective, real, jnp.full(3, 0.1 * _SPARE)), near, short))
     return min(found, key=lambda refined: refined.value).trajectory
 
 
-def _least(objective: Objective, motions: list[JerkTrajectory]) -> JerkTrajectory:
+def _least(objective: Objective, *motions: JerkTrajectory) -> JerkTrajectory:
     return min(motions, key=lambda motion: value(objective, motion))
 
 

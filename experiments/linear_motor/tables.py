@@ -35,7 +35,7 @@ ROBUST = (
 LABELS = ("setting", "parameter", "N", "w_rad_s")
 SEARCHES = (
     *LABELS, "design", "inputs", "seconds",
-    "J_star", "J_f", "J_f_worst", "beyond", "beyond_with_encoder", "jerk_m_s3",
+    "J_star", "J_f", "J_f_worst", "beyond", "jerk_m_s3",
 )  # fmt: skip
 _BY_STAGE = (
     "parameter", "N", "w_rad_s", "J_f_two_stage", "J_f_filter_aware", "J_f_end_to_end",
