@@ -15,7 +15,7 @@ reproduce: $(READY)  ## the paper's tables and figures, into figures/
 sweep: $(READY)  ## J_f and tracking over horizons, bandwidths, gains and scenarios: data and heat maps
 	$(BIN)/python -m experiments.linear_motor.sweep
 
-robust: $(READY)  ## motions whose limits the axis itself keeps, sampled and proved; half an hour
+robust: $(READY)  ## motions whose limits the axis itself keeps, sampled and proved; an hour, goes on motion by motion
 	$(BIN)/python -m experiments.linear_motor.robust
 
 endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; hours, goes on where it stopped
