@@ -2,11 +2,15 @@
 
 import multiprocessing
 import os
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from functools import partial
 from multiprocessing.sharedctypes import Synchronized
 from typing import TypeVar
+
+import jax
 
 from jaxid.runtime import configure
 
@@ -14,10 +18,14 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def pool(processes: int) -> ProcessPoolExecutor:
-    """Processes that know neither one another nor what this one has computed."""
+@contextmanager
+def pool(processes: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes that share nothing but what they compile, and that only until they end."""
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(processes, context, _begin, (context.Value("i", 0),))
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = (context.Value("i", 0), folder)
+        with ProcessPoolExecutor(processes, context, _begin, arguments) as workers:
+            yield workers
 
 
 def chained(
@@ -87,9 +95,10 @@ def pin(processor: int) -> None:
         os.sched_setaffinity(0, {processor})
 
 
-def _begin(counter: "Synchronized[int]") -> None:
+def _begin(counter: "Synchronized[int]", compiled: str) -> None:
     """One processor per process: two searches side by side then take no longer than one."""
     configure()
+    jax.config.update("jax_compilation_cache_dir", compiled)
     with counter.get_lock():
         pin(processors()[counter.value % len(processors())])
         counter.value += 1

@@ -29,7 +29,8 @@ class Effort(NamedTuple):
     """How long to improve.
 
     Attributes:
-        rounds: of quasi-Newton steps; after each the multipliers of the limits are updated.
+        rounds: of quasi-Newton steps; after each the multipliers of the limits are updated. With 0
+            nothing but linear programs is done.
         steps: quasi-Newton steps per round.
         smoothing: of the objective's corners in these steps.
         penalty: of a squared violation, in half-widths, against the objective.
@@ -88,11 +89,12 @@ def refine(
             best = candidate
             history.append(value)
 
-    report("quasi-Newton steps")
-    z = space.coordinates(best.jerk)
-    found = space.trajectory(_quasi_newton(_still(problem, best), space, z, effort))
-    if jnp.all(jnp.isfinite(found.jerk)):  # where an objective has no slope the search is lost
-        accept(repaired(problem, deep, found))
+    if effort.rounds:
+        report("quasi-Newton steps")
+        z = space.coordinates(best.jerk)
+        found = space.trajectory(_quasi_newton(_still(problem, best), space, z, effort))
+        if jnp.all(jnp.isfinite(found.jerk)):  # where an objective has no slope the search is lost
+            accept(repaired(problem, deep, found))
     report("linear programs")
     accept(polish(problem, deep, best, effort.polish_steps))
     return Refined(best, history[-1], tuple(history))

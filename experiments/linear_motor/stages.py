@@ -34,7 +34,7 @@ _COARSE = 0.001  # s: ticks of the cold search through the filter
 _MOST = 0.9  # of the ticks
 _SPARE = 1e-3  # half-widths of every limit
 _EFFORT = Effort(rounds=4, polish_steps=20)  # of a refinement with an exact sensor
-_LAST_EFFORT = Effort(rounds=0, steps=1, polish_steps=5)  # and, after it, with the encoder
+_LAST_EFFORT = Effort(rounds=0, polish_steps=5)  # and, after it, with the encoder
 _TOY_EFFORT = Effort(rounds=1, steps=2, polish_steps=2)
 _ACTIVE = 8  # plants in a search for the worst
 
@@ -135,15 +135,17 @@ def _refined(case: Case, objective: Objective, *starts: JerkTrajectory) -> JerkT
     First with an exact sensor and room for what the encoder adds: its noise is another one for each
     motion, which a step cannot foresee. Then what is left, with the encoder itself.
     """
-    long, short = (_TOY_EFFORT, _TOY_EFFORT) if case.toy else (_EFFORT, _LAST_EFFORT)
+    effort = _TOY_EFFORT if case.toy else _EFFORT
     exact, real = case.axis(IdealSensor()), case.axis(ENCODER)
     found = []
     for start in starts:
         room = _SPARE + 1.1 * jnp.maximum(
             case.beyond(ENCODER, start) - case.beyond(IdealSensor(), start), 0.0
         )
-        near = refine(case.problem(objective, exact, room), start, long).trajectory
-        found.append(refine(case.problem(objective, real, jnp.full(3, 0.1 * _SPARE)), near, short))
+        near = refine(case.problem(objective, exact, room), start, effort).trajectory
+        found.append(
+            refine(case.problem(objective, real, jnp.full(3, 0.1 * _SPARE)), near, _LAST_EFFORT)
+        )
     return min(found, key=lambda refined: refined.value).trajectory
 
 
