@@ -11,7 +11,10 @@ from jaxid import one_link_arm as arm
 from jaxid.control import ARC
 from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares, square_wave
 from jaxid.feasible import interior
+from jaxid.files import read_trajectory
+from jaxid.limits import Limits, acceleration_reach
 from jaxid.loop import Loop, Sampled, every, random_parameters, vertices
+from jaxid.problem import Problem
 from jaxid.ranges import Range
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.system import ConstantBound
@@ -165,6 +168,18 @@ def test_smaller_cells_make_a_narrower_tube(motion, encoder, proved):
     for rough, fine in zip(coarse, proved, strict=True):
         assert jnp.all(rough.upper >= fine.upper - 1e-9)
         assert jnp.all(rough.lower <= fine.lower + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["M", "B", "Fc"])
+def test_the_motions_that_are_called_proved_are(figures, name, encoder):
+    """Every plant keeps position, speed and input, and the motion all limits of its own."""
+    box = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}
+    reach = acceleration_reach(motor.system(), **box)
+    limits = Limits(acceleration=reach, jerk=(-1000.0, 1000.0), **box)
+    parts = cells(motor.system(), (8, 4, 4, 4))
+    tube = Tube(motor.provable_controller(), encoder, parts, motor.CONTROL_PERIOD, 3000, 3)
+    problem = Problem(lambda trajectory, smoothing: 0.0, limits, motor.boundary(), tube)
+    assert problem.violation(read_trajectory(figures / f"robust_proved_{name}_N30.csv")) <= 0
 
 
 def test_gains_too_high_for_the_period_have_no_tube(motion, encoder):
