@@ -60,3 +60,22 @@ def test_importing_the_library_computes_and_changes_nothing():
         "assert not jax._src.xla_bridge.backends_are_initialized()\n"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_importing_a_program_computes_nothing():
+    """What runs before `configure` is in float32, and keeps loops from being folded."""
+    import subprocess
+    import sys
+
+    root = PACKAGE.parent
+    names = [
+        ".".join(path.relative_to(root).with_suffix("").parts)
+        for path in sorted((root / "experiments").rglob("*.py"))
+        if "casadi" not in path.read_text() and path.stem not in ("__init__", "__main__")
+    ]
+    program = (
+        f"import jax, {', '.join(names)}\n"
+        "assert not jax.config.jax_enable_x64\n"
+        "assert not jax._src.xla_bridge.backends_are_initialized()\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=root)

@@ -23,8 +23,12 @@ from jaxid.problem import Objective, Problem
 from jaxid.sensing import Encoder, IdealSensor, Sensor
 from jaxid.trajectory import JerkTrajectory
 
-ENCODER = Encoder(motor.ENCODER_RESOLUTION)
 _BLEND = 0.005  # m/s, about what the speed changes by in a tick
+
+
+def encoder() -> Encoder:
+    """That of the motor; a constant would be made before `configure`, in float32."""
+    return Encoder(motor.ENCODER_RESOLUTION)
 
 
 @dataclass(frozen=True)
@@ -142,7 +146,7 @@ def worth(case: Case, motion: JerkTrajectory) -> Worth:
         value(case.planned(), motion),
         value(case.through(case.setting.nominal()), motion),
         value(case.through(case.plants), motion),
-        float(jnp.max(case.beyond(ENCODER, motion))),
+        float(jnp.max(case.beyond(encoder(), motion))),
     )
 
 

@@ -41,7 +41,7 @@ class EndToEnd:
         out: the folder that the tables are written to.
         motions: the folder with the trajectories of the study.
         processes: how many searches run side by side; the results do not depend on it.
-        toy: two cells, hardly searched: only shows that everything runs.
+        toy: three cases, hardly searched: only shows that everything runs.
     """
 
     out: Path = Path("figures")
@@ -56,10 +56,7 @@ class EndToEnd:
         if self.toy:
             return [Case(s, "M", horizons[0], self.motions, True) for s in settings[:2]]
         return [
-            Case(s, name, n, self.motions, self.toy)
-            for n in horizons
-            for name in STUDIED
-            for s in settings
+            Case(s, name, n, self.motions) for n in horizons for name in STUDIED for s in settings
         ]
 
     def table_7(self) -> list[Case]:

@@ -10,7 +10,7 @@ import tyro
 from jaxtyping import Float
 
 from experiments.linear_motor import figures, tables
-from experiments.linear_motor.cases import ENCODER, Case
+from experiments.linear_motor.cases import Case, encoder
 from experiments.linear_motor.designs import STUDIED, TOY
 from experiments.linear_motor.settings import Setting
 from experiments.linear_motor.stages import by_18
@@ -93,7 +93,7 @@ def draw(options: Robust, name: str) -> None:
     """The tube of the proved motion, and what corners of the box do in it."""
     case, found = options.case(name), motion(options, name, "proved")
     after = found.states(motor.CONTROL_PERIOD * jnp.arange(1, case.ticks + 1))
-    seen = case.axis(ENCODER)(found)
+    seen = case.axis(encoder())(found)
     path = options.out / f"{options.prefix}tube.png"
     figures.tube(path, after, tube(case)(found), seen, case.setting.limits(), name)
 
@@ -116,9 +116,9 @@ def proved(options: Robust, case: Case) -> JerkTrajectory:
 
 def tube(case: Case) -> Tube:
     """Of all plants."""
-    loop, parts = case.loop(ENCODER), (2, 1, 1, 1) if case.toy else CELLS
+    loop, parts = case.loop(encoder()), (2, 1, 1, 1) if case.toy else CELLS
     law, box = case.setting.controller(), cells(case.setting.system(), parts)
-    return Tube(law, ENCODER, box, loop.period, loop.ticks, loop.repeats)
+    return Tube(law, encoder(), box, loop.period, loop.ticks, loop.repeats)
 
 
 def start(
@@ -209,7 +209,7 @@ def beyond(
     against = AgainstTracking(case.setting.controller().k1)
     kinds: list[Disturbance] = [NoDisturbance(), motor.plant().disturbance, against]
     plants, attacks = (8, 6) if case.toy else (options.plants, options.attacks)
-    ideal, real = case.loop(IdealSensor()), case.loop(ENCODER, 1 if case.toy else 10)
+    ideal, real = case.loop(IdealSensor()), case.loop(encoder(), 1 if case.toy else 10)
     groups = (
         random_scenarios(first, system, kinds, real.repeats * real.ticks, plants),
         adversaries(ideal, system, limits, motion, second, attacks),

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.linear_motor.cases import ENCODER, Case, value
+from experiments.linear_motor.cases import Case, encoder, value
 from experiments.linear_motor.designs import TOY, Cell, trajectory_path
 from jaxid import linear_motor as motor
 from jaxid.admissible import inside
@@ -117,7 +117,7 @@ def _still(case: Case, motion: JerkTrajectory) -> Frozen:
     Or as much of it as leaves room for any motion: refinement sees what is really added.
     """
     system, limits = case.setting.system(), case.setting.limits()
-    added = frozen(case.axis(ENCODER), limits, motion).added
+    added = frozen(case.axis(encoder()), limits, motion).added
     usual = [float(jnp.quantile(jnp.maximum(-x.lower, x.upper), _MOST)) for x in added]
     for share in (1.0, 0.7, 0.4):
         y, v, u = (share * margin for margin in usual[:3])
@@ -136,11 +136,11 @@ def _refined(case: Case, objective: Objective, *starts: JerkTrajectory) -> JerkT
     motion, which a step cannot foresee. Then what is left, with the encoder itself.
     """
     effort = _TOY_EFFORT if case.toy else _EFFORT
-    exact, real = case.axis(IdealSensor()), case.axis(ENCODER)
+    exact, real = case.axis(IdealSensor()), case.axis(encoder())
     found = []
     for start in starts:
         room = _SPARE + 1.1 * jnp.maximum(
-            case.beyond(ENCODER, start) - case.beyond(IdealSensor(), start), 0.0
+            case.beyond(encoder(), start) - case.beyond(IdealSensor(), start), 0.0
         )
         near = refine(case.problem(objective, exact, room), start, effort).trajectory
         found.append(
