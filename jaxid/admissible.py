@@ -8,13 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxid.feasible import interior
+from jaxid.checks import require
+from jaxid.feasible import InfeasibleError, interior
 from jaxid.problem import Problem
 from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 # half-widths: whoever recomputes the extrema in another order still finds the limits kept
 ROUNDING = 1e-14
+_CHORDS, _MOST_CHORDS = 5, 30  # of a step back, each a simulation of the axis
+_CLOSE = 1e-4  # of the room of the motion that is walked back to: no need to come closer to a limit
+_ROOMY = 0.02  # half-widths of every limit: a motion to walk back to needs no more
 
 
 def inside(
@@ -22,8 +26,8 @@ def inside(
 ) -> JerkTrajectory:
     """A motion strictly inside all limits.
 
-    The deepest within the limits of the motion; if the axis still leaves its own, the deepest with
-    less acceleration.
+    The deepest within the limits of the motion; if the axis has hardly any room or leaves its own,
+    the deepest with less acceleration.
 
     Args:
         problem: its limits and boundary.
@@ -35,17 +39,25 @@ def inside(
         InfeasibleError: if no motion keeps its limits, which a linear program proves.
         ValueError: if one does, but none was found whose axis keeps its own.
     """
-    limits, beyond = problem.limits, float("inf")
+    limits, deepest, beyond = problem.limits, None, float("inf")
     for share in np.linspace(1.0, 0.4, 7):
         gentler = eqx.tree_at(lambda x: x.acceleration, limits, share * limits.acceleration)
-        found = interior(gentler, problem.boundary, intervals, period, size)
-        beyond = float(problem.violation(found))
-        if beyond < 0:
-            return found
-    raise ValueError(
-        f"Argument `limits`: the axis leaves them by {beyond:.2g} half-widths even on the "
-        f"gentlest motion tried ({intervals} intervals of {period:g} s): allow a longer motion."
-    )
+        try:
+            found = interior(gentler, problem.boundary, intervals, period, size)
+        except InfeasibleError:
+            if deepest is None:
+                raise
+            break
+        if (outside := float(problem.violation(found))) < beyond:
+            deepest, beyond = found, outside
+        if problem.axis is None or beyond <= -_ROOMY:
+            break
+    if deepest is None or beyond >= 0:
+        raise ValueError(
+            f"Argument `limits`: the axis leaves them by {beyond:.2g} half-widths even on the "
+            f"gentlest motion tried ({intervals} intervals of {period:g} s): allow a longer motion."
+        )
+    return deepest
 
 
 @eqx.filter_jit
@@ -75,17 +87,29 @@ def stepped_back(
 ) -> JerkTrajectory:
     """The candidate if it is admissible, or an admissible motion a little nearer to `inside`.
 
-    Steps on linearised conditions leave the limits of the axis by very little, so the shares of
-    the way back grow from 1e-7; `inside` itself comes last.
+    By regula falsi on the share of the way, in the Illinois form: an end that stays pulls half as
+    hard at the next chord.
     """
-    for share in (0.0, *np.geomspace(1e-7, 1.0, 15)):
-        found = _mixed(candidate, inside, share)
-        if float(problem.violation(found)) <= -ROUNDING:
-            return found
-    raise ValueError(
-        "Argument `inside` must keep all limits, but leaves them by "
-        f"{float(problem.violation(inside)):.2g} half-widths."
+    bad, beyond = 0.0, float(problem.violation(candidate))
+    if beyond <= -ROUNDING:
+        return candidate
+    good, found, room = 1.0, inside, -float(problem.violation(inside))
+    require(
+        room >= ROUNDING,
+        f"Argument `inside` must keep all limits, but leaves them by {-room:.2g} half-widths.",
     )
+    close = _CLOSE * room
+    for count in range(_MOST_CHORDS):
+        if good < 1.0 and (room < close or count >= _CHORDS):
+            break
+        share = bad + (good - bad) * beyond / (beyond + room)
+        middle = _mixed(candidate, inside, share)
+        outside = float(problem.violation(middle))
+        if outside <= -ROUNDING:
+            good, found, room, beyond = share, middle, -outside, beyond / 2
+        else:
+            bad, beyond, room = share, outside, room / 2
+    return found
 
 
 def _mixed(one: JerkTrajectory, other: JerkTrajectory, share: Scalar | float) -> JerkTrajectory:

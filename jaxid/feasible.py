@@ -4,7 +4,7 @@ Every state of a motion is linear in its jerk, so limits and via points are line
 equalities, and the admissible jerks are a convex set. Everything here follows from that.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -52,6 +52,12 @@ class Inequalities:
     def fixed(self) -> Bool[np.ndarray, " rows"]:
         """Which rows are equalities."""
         return self.lower == self.upper
+
+    def tightened(self, room: float) -> "Inequalities":
+        """With every limit moved inwards, in half-widths; the end conditions stay."""
+        inwards = np.where(self.fixed, 0.0, room)
+        jerk = self.jerk + room * np.ptp(self.jerk) / 2 * np.array([1.0, -1.0])
+        return replace(self, lower=self.lower + inwards, upper=self.upper - inwards, jerk=jerk)
 
 
 class MotionSpace(eqx.Module):

@@ -4,8 +4,6 @@ Limits and via points are linear in the jerk, so only the objective is linearise
 admissible, and only improvements are accepted.
 """
 
-import dataclasses
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -23,7 +21,9 @@ from jaxid.trajectory import JerkTrajectory
 # Of the objective, one after the other: without the first the programs stall on corners earlier
 # (0.1 % of the motor's J), and after the second the rounded J is within 0.02 % of the exact one.
 SMOOTHINGS = (0.0006, 0.0001)
-_SPARE = 1e-6  # half-widths that a repair leaves, for what the linearised conditions do not see
+# half-widths that steps leave to the limits of an axis: for the tolerance of the solver, and for
+# what linearised conditions do not see
+_SPARE = 1e-6
 
 
 def polish(
@@ -51,48 +51,48 @@ def _descend(
     planned = _planned(problem, start)
     active = planned.rows.shape[1]
 
-    def motion(x: Vector) -> JerkTrajectory:
-        return _with_jerk(start, start.jerk.at[:active].set(x * planned.unit))
-
-    def evaluate(x: Vector) -> Point:
-        found = motion(x)
+    def evaluate(x: Vector) -> tuple[Point, JerkTrajectory]:
+        found = _with_jerk(start, start.jerk.at[:active].set(x * planned.unit))
         if problem.axis is not None:
             found = stepped_back(problem, inside, found)
-        return _point(problem.objective, found, smoothing, planned)
+        return _point(problem.objective, found, smoothing, planned), found
 
-    at = evaluate(np.asarray(start.jerk)[:active] / planned.unit)
-    conditions = _around(problem, planned, motion(at.jerk))
+    # the motion itself is kept beside its numbers: with an encoder the axis does something else for
+    # a jerk that differs in its last bit
+    at, best = _point(problem.objective, start, smoothing, planned), start
+    conditions = _around(problem, planned, best)
     radius = 0.01
     for _ in range(steps):
         move = linear_step(conditions, at, radius)
         promised = -float(at.slope @ move)
         if promised < 1e-8 or radius < 1e-6:
             break
-        trial = evaluate(at.jerk + move)
+        trial, found = evaluate(at.jerk + move)
         kept = (at.value - trial.value) / promised
         radius *= 2.0 if kept > 0.75 else 0.4 if kept < 0.25 else 1.0
         if trial.value < at.value:
-            at = trial
-            conditions = _around(problem, planned, motion(at.jerk))
-    return motion(at.jerk)
+            at, best = trial, found
+            conditions = _around(problem, planned, best)
+    return best
 
 
 def repaired(problem: Problem, inside: JerkTrajectory, start: JerkTrajectory) -> JerkTrajectory:
-    """An admissible motion near to one that leaves the limits of the axis, by linear programs.
+    """An admissible motion near to one that leaves the limits of the axis.
 
-    The smallest trust region that reaches the limits, and in it the best for the objective.
+    By linear programs, each in the smallest trust region that reaches the limits, and in it the
+    best for the objective; or stepped back, where that is better.
     """
     planned, found = _planned(problem, start), start
     for _ in range(5):
         if problem.axis is None or float(problem.violation(found)) <= -ROUNDING:
             break
         c = _around(problem, planned, found)
-        c = dataclasses.replace(c, upper=np.where(c.fixed, c.upper, c.upper - _SPARE))
         at = _point(problem.objective, found, SMOOTHINGS[0], planned)
         moves = (linear_step(c, at, radius) for radius in 0.002 * 2.0 ** np.arange(10))
         move = next((move for move in moves if np.any(move)), np.zeros_like(at.jerk))
         found = _with_jerk(found, jnp.asarray((at.jerk + move) * planned.unit))
-    return stepped_back(problem, inside, found)
+    ways = (stepped_back(problem, inside, motion) for motion in (found, start))
+    return min(ways, key=problem.value)
 
 
 def _planned(problem: Problem, trajectory: JerkTrajectory) -> Inequalities:
@@ -115,7 +115,7 @@ def _around(problem: Problem, planned: Inequalities, trajectory: JerkTrajectory)
         return planned
     motion = trimmed(trajectory)
     still = frozen(problem.axis, problem.limits, motion)
-    return axis_conditions(planned, problem.limits, still, motion)
+    return axis_conditions(planned, problem.limits, still, motion).tightened(_SPARE)
 
 
 def _with_jerk(trajectory: JerkTrajectory, jerk: Float[Array, " n"]) -> JerkTrajectory:

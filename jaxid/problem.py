@@ -48,6 +48,11 @@ class Problem(eqx.Module):
             worst = jnp.maximum(worst, jnp.max(jnp.stack([jnp.max(side) for side in sides])))
         return worst
 
+    @eqx.filter_jit
+    def value(self, trajectory: JerkTrajectory) -> Scalar:
+        """The objective itself, its corners not rounded; inf where undefined."""
+        return jnp.nan_to_num(self.objective(trajectory, jnp.zeros(())), nan=jnp.inf)
+
     def pushed(
         self, trajectory: JerkTrajectory, multipliers: Multipliers, penalty: Scalar
     ) -> Multipliers:

@@ -80,12 +80,12 @@ def refine(
     deep = inside(problem, intervals, period)
     space = motion_space(problem.limits, problem.boundary, intervals, period)
     best = repaired(problem, deep, start)
-    history = [_exact(problem, best)]
+    history = [float(problem.value(best))]
 
     def accept(candidate: JerkTrajectory) -> None:
         nonlocal best
-        value = _exact(problem, candidate)
-        if value < history[-1] - _ROUNDED:
+        value = float(problem.value(candidate))
+        if value < history[-1] - _ROUNDED and float(problem.violation(candidate)) <= 0:
             best = candidate
             history.append(value)
 
@@ -106,16 +106,6 @@ def _still(problem: Problem, trajectory: JerkTrajectory) -> Problem:
         return problem
     axis = frozen(problem.axis, problem.limits, trajectory)
     return eqx.tree_at(lambda p: p.axis, problem, axis)
-
-
-def _exact(problem: Problem, trajectory: JerkTrajectory) -> float:
-    value = _value(problem, trajectory)
-    return float(jnp.nan_to_num(value, nan=jnp.inf))
-
-
-@eqx.filter_jit
-def _value(problem: Problem, trajectory: JerkTrajectory) -> Scalar:
-    return problem.objective(trajectory, jnp.zeros(()))
 
 
 @eqx.filter_jit

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.linear_motor.tables import gains
 from jaxid.files import read_table
 
 ROOT = Path(__file__).parent.parent
@@ -121,6 +122,26 @@ assert {{path.name: path.read_bytes() for path in out.iterdir() if path != archi
         )
         assert J_f["end_to_end"] <= min(J_f["two_stage"], J_f["filter_aware"])
         assert worst["robust"] <= worst["two_stage"]
+
+
+def test_a_stage_is_represented_by_the_best_motion_for_its_objective():
+    """The search for J_f found a smaller J* than the one for J*: no gain of the filter."""
+    columns = ("J_star", "J_aware", "J_f", "J_f_worst", "beyond")
+    values = {
+        "by_18": (0.9, 0.9, 0.9, 0.9, 0.1),
+        "two_stage": (1.2, 1.3, 1.5, 1.6, -0.1),
+        "filter_aware": (1.1, 1.2, 1.4, 1.5, -0.1),
+        "end_to_end": (1.3, 1.3, 1.2, 1.4, -0.1),
+        "robust": (1.4, 1.4, 1.3, 1.3, -0.1),
+    }
+    row = gains({name: dict(zip(columns, row, strict=True)) for name, row in values.items()})
+    assert row["J_f_two_stage"] == row["J_f_filter_aware"] == 1.4
+    assert row["J_f_end_to_end"] == 1.2
+    assert row["J_f_worst_two_stage"] == 1.5
+    assert row["J_f_worst_robust"] == 1.3
+    assert row["filter_percent"] == 0
+    assert row["loop_percent"] == pytest.approx(-100 / 7)
+    assert row["beyond_18"] == 0.1
 
 
 def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):

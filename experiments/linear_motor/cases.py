@@ -119,9 +119,8 @@ class Case:
         return Sampled(self.loop(sensor), self.plants)
 
     def beyond(self, sensor: Sensor, motion: JerkTrajectory) -> Array:
-        """Half-widths by which the worst plant leaves its position, velocity and input limits."""
-        found = excesses(self.loop(sensor), self.plants, self.setting.limits(), motion)
-        return jnp.max(found, axis=0)[:3]
+        """Half-widths by which each plant leaves its position, velocity and input limits."""
+        return excesses(self.loop(sensor), self.plants, self.setting.limits(), motion)[:, :3]
 
 
 class Worth(NamedTuple):
@@ -129,12 +128,14 @@ class Worth(NamedTuple):
 
     Attributes:
         J_star: on the desired motion.
+        J_aware: J_f of an axis that follows exactly.
         J_f: of the nominal closed loop, exact sensor.
         J_f_worst: the largest of the plants of the setting, exact sensor.
         beyond: half-widths by which the worst of these plants leaves a limit, with the encoder.
     """
 
     J_star: float
+    J_aware: float
     J_f: float
     J_f_worst: float
     beyond: float
@@ -144,6 +145,7 @@ def worth(case: Case, motion: JerkTrajectory) -> Worth:
     """What a motion is worth, and whether the axis keeps its limits."""
     return Worth(
         value(case.planned(), motion),
+        value(case.aware(), motion),
         value(case.through(case.setting.nominal()), motion),
         value(case.through(case.plants), motion),
         float(jnp.max(case.beyond(encoder(), motion))),
