@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import tempfile
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
@@ -33,8 +34,9 @@ def chained(
 ) -> Iterator[Result]:
     """The results of all items as they come; each is given that of the item before in its chain.
 
-    They do not depend on how many processes share the work. If one fails, those under way are still
-    returned, and nothing new is begun.
+    They do not depend on how many processes share the work. No more chains are under way than there
+    are processes. If one fails, the others' items under way are still returned, and nothing new is
+    begun.
     """
     if processes == 1:
         for chain in chains:
@@ -44,6 +46,7 @@ def chained(
                 yield last
         return
     failed: BaseException | None = None
+    todo = deque(chain for chain in chains if chain)
     with pool(processes) as workers:
 
         def submit(chain: Sequence[Item], last: Result | None) -> Future[Result]:
@@ -52,20 +55,18 @@ def chained(
             return future
 
         rest: dict[Future[Result], Sequence[Item]] = {}
-        waiting = {submit(chain, None) for chain in chains if chain}
+        waiting = {submit(todo.popleft(), None) for _ in range(min(processes, len(todo)))}
         while waiting:
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
-                if future.cancelled():
-                    continue
+                chain = rest.pop(future)
                 if error := future.exception():
                     failed = failed or error
-                    for other in waiting:
-                        other.cancel()
                     continue
-                chain = rest.pop(future)
                 if chain and not failed:
                     waiting.add(submit(chain, future.result()))
+                elif todo and not failed:
+                    waiting.add(submit(todo.popleft(), None))
                 yield future.result()
     if failed:
         raise failed

@@ -18,7 +18,7 @@ says which room may import from which; it is tested, and so is that nobody impor
     feasible <- checks, limits, trajectory
     starts <- feasible
     problem <- limits, system, trajectory
-    admissible <- feasible, problem, system, trajectory
+    admissible <- checks, feasible, problem, system, trajectory
     axis_conditions <- feasible, limits, ranges, system, trajectory
     linear_programs <- feasible
     descent <- feasible, problem, system
@@ -41,8 +41,12 @@ says which room may import from which; it is tested, and so is that nobody impor
     objective <- bound, filters, loop, record, simulate, system, trajectory
     excitation <- -
     estimate <- bound, record, system
-    experiment <- bound, checks, control, design, estimate, filters, objective, problem, record, \
-sensing, simulate, system, trajectory
+    log <- checks, ranges, system
+    log_rows <- estimate, log, ranges, record, system
+    modulating <- bound, log_rows
+    guarantee <- checks, estimate, log, log_rows, modulating, system
+    experiment <- bound, checks, control, design, estimate, filters, log, objective, problem, \
+record, sensing, simulate, system, trajectory
     files <- checks, trajectory
     blocks <- checks, files
     sweep <- checks, control, disturbance, estimate, feasible, filters, record, sensing, \
@@ -58,8 +62,9 @@ from jaxid.control import ARC, OpenLoop, PDFeedforward
 from jaxid.design import Design, Effort, design
 from jaxid.estimate import Estimate, estimate
 from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
-from jaxid.experiment import design_motion, identify, run
+from jaxid.experiment import design_motion, identify, log_of, run
 from jaxid.feasible import InfeasibleError
+from jaxid.guarantee import Guarantee, identify_log
 from jaxid.limits import (
     Boundary,
     Limits,
@@ -68,6 +73,7 @@ from jaxid.limits import (
     position_at_least,
     through,
 )
+from jaxid.log import Brackets, Log, brackets
 from jaxid.loop import Loop, Sampled, Scenarios
 from jaxid.minimax import Optimum, minimax
 from jaxid.objective import FilteredError, ThroughLoop, planned_error
@@ -82,6 +88,7 @@ __all__ = [
     "ARC",
     "ESTIMATORS",
     "Boundary",
+    "Brackets",
     "Constant",
     "ConstantBound",
     "Coulomb",
@@ -92,10 +99,12 @@ __all__ = [
     "Estimator",
     "Filtered",
     "FilteredError",
+    "Guarantee",
     "IdealSensor",
     "InfeasibleError",
     "LeastSquares",
     "Limits",
+    "Log",
     "Loop",
     "Minimax",
     "OpenLoop",
@@ -115,11 +124,14 @@ __all__ = [
     "Via",
     "Viscous",
     "acceleration_limit",
+    "brackets",
     "cells",
     "design",
     "design_motion",
     "estimate",
     "identify",
+    "identify_log",
+    "log_of",
     "minimax",
     "planned_error",
     "position_at_least",

@@ -10,10 +10,11 @@ from jaxid.control import Controller
 from jaxid.design import Design, Effort, Report, Show, design
 from jaxid.estimate import Estimate, least_squares_estimate
 from jaxid.filters import filtered
+from jaxid.log import Log
 from jaxid.objective import PlannedError
 from jaxid.problem import Task
 from jaxid.record import Record
-from jaxid.sensing import Sensor
+from jaxid.sensing import Encoder, Sensor
 from jaxid.simulate import Plant, Signals, simulate
 from jaxid.system import System
 from jaxid.trajectory import JerkTrajectory, reference, ticks
@@ -73,6 +74,13 @@ def run(
     """Track a motion, repeated back to back, with a controller of the given period (s)."""
     desired = reference(trajectory, period, ticks(trajectory, period), repeats)
     return simulate(plant, controller, sensor, desired, period)
+
+
+def log_of(signals: Signals, encoder: Encoder, period: float) -> Log:
+    """What the servo would have kept of a simulated experiment."""
+    n = signals.input.size
+    read = encoder.quantise(signals.position[:: (signals.position.size - 1) // n])
+    return Log(signals.input, read, period, encoder.resolution)
 
 
 def identify(record: Record, system: System, bandwidth: float, period: float) -> Estimate:

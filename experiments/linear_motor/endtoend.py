@@ -150,7 +150,13 @@ def missing(archive: Archive, group: Sequence[Case]) -> list[Search]:
 
 
 def searched(search: Search, last: State | None) -> State:
-    """One design. Those that do not know the filter are found once for all filters."""
+    """One design. Those that do not know the filter are found once for all filters.
+
+    What one chain has compiled is of little use to the next: kept for all of them it would fill the
+    memory, and the 65,530 mappings that Linux gives a process.
+    """
+    if last is None:
+        jax.clear_caches()
     designs = {**search.earlier, **(last.designs if last else {}), **search.own}
     begin = time.perf_counter()
     if search.design in FILTERED or search.design not in designs:

@@ -1,0 +1,69 @@
+"""From a log to intervals that hold for the axis in continuous time, encoder and servo included."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxid.checks import require
+from jaxid.estimate import Estimate
+from jaxid.log import Log, brackets
+from jaxid.log_rows import Logged, guaranteed, hats
+from jaxid.modulating import KNOTS, modulating
+from jaxid.system import System
+
+# of reading the log with the box that the round before left; a third one gains nothing
+ROUNDS = 2
+
+
+class Guarantee(NamedTuple):
+    """What a log proves.
+
+    Attributes:
+        estimate: by optimal modulating functions, with intervals inside everything known before.
+        logged: the rows of the last round, for other estimators.
+    """
+
+    estimate: Estimate
+    logged: Logged
+
+
+def identify_log(system: System, log: Log, knots: int = KNOTS) -> Guarantee:
+    """Intervals for θ of every plant of a system that can have left a log.
+
+    The brackets of the motion are the narrower the smaller the box is, and a log makes the box
+    smaller: it is read again with the intervals that it has proved.
+
+    Args:
+        system: its box and δ, which the intervals rest on.
+        log: inputs as held, positions as read.
+        knots: of the modulating functions, at most.
+
+    Raises:
+        ValueError: if no plant of the system can have left the log.
+    """
+    narrow, found, logged = system, None, None
+    for _ in range(ROUNDS):
+        logged = hats(narrow, log, brackets(narrow, log))
+        found = guaranteed(logged, modulating(logged, system.half_widths, knots=knots))
+        narrow = narrowed(system, found)
+    assert found is not None
+    assert logged is not None
+    return Guarantee(found, logged)
+
+
+def narrowed(system: System, found: Estimate) -> System:
+    """The system with the intervals of an estimate for its box.
+
+    Raises:
+        ValueError: if an interval is empty.
+    """
+    for name, low, high in zip(system.names, found.lower, found.upper, strict=True):
+        require(
+            float(low) <= float(high),
+            f"Argument `log`: no {name} in its prior interval can have left it; the box, δ or the "
+            f"resolution is too small (the data ask for {name} from {float(low):.6g} on, the box "
+            f"and the data before allow it up to {float(high):.6g}).",
+        )
+    ends = tuple(jnp.stack(pair) for pair in zip(found.lower, found.upper, strict=True))
+    return eqx.tree_at(lambda s: [term.interval for term in s.terms], system, list(ends))
