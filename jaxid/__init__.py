@@ -29,6 +29,7 @@ says which room may import from which; it is tested, and so is that nobody impor
     record <- system, trajectory
     bound <- checks, record, system
     minimax <- bound, checks, record, system
+    floor <- bound, checks, limits, ranges, system
     filters <- record, system
     estimators <- bound, filters, minimax, record, system
     sensing <- filters, record, system, trajectory
@@ -64,6 +65,7 @@ from jaxid.estimate import Estimate, estimate
 from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
 from jaxid.experiment import design_motion, identify, log_of, run
 from jaxid.feasible import InfeasibleError
+from jaxid.floor import Floor, floor
 from jaxid.guarantee import Guarantee, identify_log
 from jaxid.limits import (
     Boundary,
@@ -99,6 +101,7 @@ __all__ = [
     "Estimator",
     "Filtered",
     "FilteredError",
+    "Floor",
     "Guarantee",
     "IdealSensor",
     "InfeasibleError",
@@ -129,6 +132,7 @@ __all__ = [
     "design",
     "design_motion",
     "estimate",
+    "floor",
     "identify",
     "identify_log",
     "log_of",

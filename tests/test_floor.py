@@ -1,0 +1,96 @@
+"""The floor: below every guarantee of every motion, and as high as a proof can be."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from jaxid import linear_motor as motor
+from jaxid import one_link_arm as arm
+from jaxid.bound import Norm
+from jaxid.files import read_trajectory
+from jaxid.floor import floor
+from jaxid.minimax import minimax
+from jaxid.record import rows_of
+
+
+@pytest.fixture(scope="module")
+def proofs():
+    return {axis: floor(axis.system(), axis.limits()) for axis in (motor, arm)}
+
+
+@pytest.fixture(params=[motor, arm], ids=["motor", "arm"])
+def found(request, proofs):
+    return request.param, proofs[request.param]
+
+
+def test_the_floor_is_tight(found):
+    _, proved = found
+    assert np.all(proved.value <= proved.above)
+    assert np.all(proved.value >= (1 - 1e-3) * proved.above)
+
+
+def test_the_motors_floor(proofs):
+    """As computed once by a program of another make, to its four digits."""
+    np.testing.assert_allclose(proofs[motor].value, [0.003375, 0.1584, 0.1669, 0.1500], rtol=1e-3)
+
+
+def test_its_proof_holds_on_a_dense_random_set_of_states(found, key):
+    axis, proved = found
+    limits, system = axis.limits(), axis.system()
+    ends = jnp.stack([limits.position, limits.velocity, limits.acceleration])
+    share = jax.random.uniform(key, (3, 200_000))
+    y, v, a = ends[:, :1] + share * (ends[:, 1:] - ends[:, :1])
+    near_rest = jnp.geomspace(1e-8, 1.0, 100_000) * ends[1, 1]
+    v = v.at[:100_000].set(near_rest)
+    phi = np.stack(system.regressors(y, v, a), axis=1)
+    delta = np.asarray(system.disturbance_bound(y, v))
+    assert np.all(np.abs(phi @ np.asarray(proved.dual).T) <= delta[:, None])
+    assert np.all(np.abs(proved.dual) <= np.asarray(system.half_widths))
+    np.testing.assert_allclose(np.diag(proved.dual), proved.value, rtol=1e-8)
+
+
+def test_a_grid_of_another_make_is_above_it_by_little(proofs):
+    """The same program on a fixed grid: an overestimate, however fine."""
+    proved = proofs[motor]
+    v = np.unique(np.concatenate([np.linspace(-2, 2, 4001), np.geomspace(1e-6, 2, 2000)]))
+    v = np.concatenate([v, -v, [0.1 + 1e-12, -0.1 - 1e-12]])
+    friction = 2 / np.pi * np.arctan(1000 * v)
+    delta = np.where(np.abs(v) <= 0.1, 0.25, 0.15)
+    top = 400 / 9
+    rows = [np.stack([np.full_like(v, a), v, friction, np.ones_like(v)], 1) for a in (-top, top)]
+    A = np.concatenate(rows)
+    b = np.tile(delta, 2)
+    box = [0.05, 0.25, 0.25, 0.5]
+    for k in range(4):
+        solution = linprog(
+            -np.eye(4)[k],
+            A_ub=np.concatenate([A, -A]),
+            b_ub=np.tile(b, 2),
+            bounds=[(-x, x) for x in box],
+            method="highs",
+        )
+        assert float(proved.value[k]) <= -solution.fun <= float(proved.value[k]) * 1.001
+
+
+@pytest.mark.parametrize("name", ["M_N30", "B_N60", "Fc_N40", "dbar_N30"])
+def test_no_design_of_the_study_is_below_it(proofs, figures, name):
+    trajectory = read_trajectory(figures / f"trajectory_{name}.csv")
+    system = motor.system()
+    rows = rows_of(system, *trajectory.midpoints(20))
+    assert np.all(minimax(rows, system.half_widths).error >= proofs[motor].value)
+
+
+def test_where_the_prior_is_better_than_any_experiment_it_is_the_floor():
+    system = eqx.tree_at(lambda s: s.terms[1].interval, motor.system(), jnp.array([0.2, 0.21]))
+    assert float(floor(system, motor.limits()).value[1]) == pytest.approx(0.005, rel=1e-8)
+
+
+def test_the_floor_of_a_combination_is_no_more_than_that_of_its_parts(found):
+    axis, proved = found
+    c = np.zeros(len(axis.system().names))
+    c[1:3] = 1.0, -0.5
+    both = floor(axis.system(), axis.limits(), Norm(jnp.asarray(c)[None]))
+    assert float(both.value[0]) <= float(proved.above[1] + 0.5 * proved.above[2])
