@@ -45,7 +45,8 @@ says which room may import from which; it is tested, and so is that nobody impor
     log <- checks, ranges, system
     log_rows <- estimate, log, ranges, record, system
     modulating <- bound, log_rows
-    guarantee <- checks, estimate, log, log_rows, modulating, system
+    guarantee <- checks, estimate, log, log_rows, modulating, system, trajectory
+    guaranteed_error <- bound, guarantee, log, log_rows, modulating, ranges, system, trajectory
     experiment <- bound, checks, control, design, estimate, filters, log, objective, problem, \
 record, sensing, simulate, system, trajectory
     files <- checks, trajectory
@@ -66,7 +67,8 @@ from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Mini
 from jaxid.experiment import design_motion, identify, log_of, run
 from jaxid.feasible import InfeasibleError
 from jaxid.floor import Floor, floor
-from jaxid.guarantee import Guarantee, identify_log
+from jaxid.guarantee import Guarantee, foreseen, identify_log
+from jaxid.guaranteed_error import GuaranteedError
 from jaxid.limits import (
     Boundary,
     Limits,
@@ -103,6 +105,7 @@ __all__ = [
     "FilteredError",
     "Floor",
     "Guarantee",
+    "GuaranteedError",
     "IdealSensor",
     "InfeasibleError",
     "LeastSquares",
@@ -133,6 +136,7 @@ __all__ = [
     "design_motion",
     "estimate",
     "floor",
+    "foreseen",
     "identify",
     "identify_log",
     "log_of",

@@ -83,7 +83,8 @@ def _of_one(system: System, limits: Limits, functional: Vector) -> tuple[float, 
 
 def _corners(limits: Limits) -> Float[np.ndarray, "states 2"]:
     """Positions and velocities to begin with."""
-    y, v = (np.linspace(*np.asarray(x), 9) for x in (limits.position, limits.velocity))
+    ends = (np.asarray(x) for x in (limits.position, limits.velocity))
+    y, v = (np.linspace(low, high, 9) for low, high in ends)
     return np.stack([x.ravel() for x in np.meshgrid(y, v)], axis=1)
 
 

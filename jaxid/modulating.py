@@ -34,14 +34,35 @@ def modulating(
     """
     rows, half_widths = logged.record.rows, np.asarray(box)
     functionals = np.eye(half_widths.size) if norm is None else np.asarray(norm.functionals)
-    basis = _linear(rows.delta.size, knots)
-    noise = logged.channels["quantised ÿ"]
-    second = np.abs(np.asarray(noise.bound))[:, None] * _second_differences(basis)
+    phi, delta = np.asarray(rows.regressors), np.asarray(rows.delta)
+    noise = np.asarray(logged.channels["quantised ÿ"].bound)
+    return jnp.asarray(optimal(phi, delta, noise, half_widths, functionals, knots)[0])
+
+
+def optimal(
+    phi: Float[np.ndarray, "n m"],
+    delta: Float[np.ndarray, " n"],
+    noise: Float[np.ndarray, " samples"],
+    half_widths: Float[np.ndarray, " m"],
+    functionals: Float[np.ndarray, "k m"],
+    knots: int,
+) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k m"]]:
+    """Weights, and the multipliers ν of c − Φᵀg: what a change of Φ costs is −gν.
+
+    Args:
+        phi: regressors of the rows.
+        delta: of the rows.
+        noise: bounds of what second differences of the weights are multiplied by.
+        half_widths: of the prior box.
+        functionals: c.
+        knots: at most.
+    """
+    basis = _linear(delta.size, knots)
+    second = np.abs(noise)[:, None] * _second_differences(basis)
     second = second[np.any(second != 0, axis=1)]
-    phi = np.asarray(rows.regressors).T @ basis
-    delta = np.asarray(rows.delta) @ basis
-    found = [_solve(c, phi, delta, second, half_widths) @ basis.T for c in functionals]
-    return jnp.asarray(np.stack(found))
+    found = [_solve(c, phi.T @ basis, delta @ basis, second, half_widths) for c in functionals]
+    weights, multipliers = zip(*found, strict=True)
+    return np.stack(weights) @ basis.T, np.stack(multipliers)
 
 
 def _solve(
@@ -50,7 +71,7 @@ def _solve(
     delta: Float[np.ndarray, " knots"],
     second: Float[np.ndarray, "l knots"],
     half_widths: Float[np.ndarray, " m"],
-) -> Float[np.ndarray, " knots"]:
+) -> tuple[Float[np.ndarray, " knots"], Float[np.ndarray, " m"]]:
     """Min Σ|x| + Σ|S x| + Σ|b∘(c − Φx)|, in units of the prior; x = x⁺ − x⁻."""
     unit = np.abs(functional) @ half_widths
     (m, count), noisy = phi.shape, len(second)
@@ -70,8 +91,9 @@ def _solve(
         method="highs",
     )
     if solution.x is None:  # without weights the prior box remains
-        return np.zeros(count)
-    return unit * (solution.x[:count] - solution.x[count : 2 * count]) / delta
+        return np.zeros(count), half_widths * np.sign(functional)
+    x = solution.x[:count] - solution.x[count : 2 * count]
+    return unit * x / delta, half_widths * solution.eqlin.marginals
 
 
 def _linear(count: int, most: int) -> Float[np.ndarray, "count knots"]:

@@ -1,0 +1,99 @@
+"""What a motion can be expected to guarantee, as an objective: encoder and servo included.
+
+The weights are the best ones for the log that the motion foresees, found by linear programs outside
+of JAX. By the envelope theorem the slope of the least error is that of its Lagrangian with weights
+and multipliers held fixed, so none of that needs a derivative.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.lax import stop_gradient
+from jaxtyping import Array, Float
+
+from jaxid.bound import affine_worst_case_error, bias
+from jaxid.guarantee import foreseen_log
+from jaxid.log import Brackets, brackets
+from jaxid.log_rows import Logged, hats
+from jaxid.modulating import optimal
+from jaxid.ranges import Range
+from jaxid.system import Scalar, System, softened
+from jaxid.trajectory import JerkTrajectory
+
+
+class GuaranteedError(eqx.Module):
+    """The log of the largest guaranteed error, each parameter's relative to its own target.
+
+    Attributes:
+        system: with the prior box.
+        narrow: the system with the box that the log is expected to leave, for its brackets.
+        targets: of the m parameters, in their units; inf leaves one out.
+        speed: m/s or rad/s, over which jumps are spread at smoothing 1.
+        period: of the servo, s.
+        resolution: of the encoder, m or rad.
+        ticks: of the motion.
+        knots: of the modulating functions.
+    """
+
+    system: System
+    narrow: System
+    targets: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
+    speed: Scalar = eqx.field(converter=jnp.asarray)
+    period: Scalar = eqx.field(converter=jnp.asarray)
+    resolution: Scalar = eqx.field(converter=jnp.asarray)
+    ticks: int = eqx.field(static=True)
+    knots: int = eqx.field(static=True, default=100)
+
+    def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
+        """Rounded by the smoothing, and never below the exact one."""
+        logs = jnp.log(self.errors(trajectory, smoothing) / self.targets)
+        corner = jnp.where(smoothing > 0, smoothing, 1.0)
+        rounded = corner * jax.scipy.special.logsumexp(logs / corner)
+        return jnp.where(smoothing > 0, rounded, jnp.max(logs))
+
+    def errors(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " m"]:
+        """Of each parameter, with the slope of the least ones."""
+        logged = self._logged(trajectory, smoothing)
+        half_widths = self.system.half_widths
+        weights, dual = self._weights(stop_gradient(logged))
+        rows = logged.record.rows
+        slope = (
+            jnp.abs(weights) @ rows.delta
+            + logged.shared(weights)
+            + jnp.sum(dual * bias(weights, rows), axis=1)
+        )
+        exact = affine_worst_case_error(weights, rows, half_widths) + logged.shared(weights)
+        return stop_gradient(exact - slope) + slope
+
+    def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Logged:
+        log = foreseen_log(self.system, trajectory, self.period, self.ticks, self.resolution)
+        found = stop_gradient(brackets(self.narrow, stop_gradient(log)))
+        states = trajectory.states((jnp.arange(self.ticks) + 0.5) * self.period)
+
+        def moved(x: Range, middle: Float[Array, " n"]) -> Range:
+            """A range that goes along with what it is about."""
+            shift = middle - stop_gradient(middle)
+            return Range(x.lower + shift, x.upper + shift)
+
+        found = Brackets(*map(moved, found, states))
+        step = jnp.abs(states.acceleration) * self.period / 2
+        return hats(softened(self.narrow, smoothing * self.speed + step), log, found)
+
+    def _weights(self, logged: Logged) -> tuple[Float[Array, "m n"], Float[Array, "m m"]]:
+        rows = logged.record.rows
+        m, n = len(rows.columns), rows.delta.size
+        shapes = (
+            jax.ShapeDtypeStruct((m, n), rows.delta.dtype),
+            jax.ShapeDtypeStruct((m, m), rows.delta.dtype),
+        )
+        noise = logged.channels["quantised ÿ"].bound
+        box = self.system.half_widths
+
+        def solve(*arrays: Any) -> tuple[np.ndarray, np.ndarray]:
+            phi, delta, noise, box = map(np.asarray, arrays)
+            return optimal(phi, delta, noise, box, np.eye(m), self.knots)
+
+        return jax.pure_callback(solve, shapes, rows.regressors, rows.delta, noise, box)
