@@ -75,7 +75,7 @@ def _of_one(system: System, limits: Limits, functional: Vector) -> tuple[float, 
         excess, worst = _excess(system, limits, nu)
         if above / excess > value:
             value, best = above / excess, nu / excess
-        if value >= (1 - _TOLERANCE) * above:
+        if value >= (1 - _TOLERANCE) * above or not len(worst):
             break
         states = np.concatenate([states, worst])
     return value * (1 - _ROUNDED), above, best
@@ -110,7 +110,8 @@ def _on_states(
         bounds=(-1.0, 1.0),
         method="highs",
     )
-    return solution.x * box
+    assert solution.x is not None  # ν = 0 keeps all conditions, and the box is bounded
+    return np.clip(solution.x, -1.0, 1.0) * box  # the solver keeps bounds to a tolerance
 
 
 def _excess(
@@ -124,7 +125,9 @@ def _excess(
         look = _looked_at(system, limits, nu, cells)
         centres = np.stack([cells[:, :2].mean(axis=1), cells[:, 2:].mean(axis=1)], axis=1)
         seen.append(np.column_stack([look.middle, centres])[np.argsort(-look.middle)[:4]])
-        reached = max(reached, float(look.middle.max()))
+        reached = max(
+            reached, float(np.max(look.middle, where=np.isfinite(look.middle), initial=1.0))
+        )
         undecided = look.upper > reached * (1 + _TOLERANCE / 4)
         if 2 * np.sum(undecided) > _MOST:
             undecided[:] = False
@@ -132,7 +135,8 @@ def _excess(
         cells = _halved(cells[undecided], (look.without_y < look.without_v)[undecided])
     worst = np.concatenate(seen)
     worst = worst[np.argsort(-worst[:, 0])]
-    return proved, worst[worst[:, 0] > 1.0][:8, 1:]
+    breaking = (worst[:, 0] > 1.0) & np.isfinite(worst[:, 0])
+    return proved, worst[breaking][:8, 1:]
 
 
 class _Look(NamedTuple):
@@ -171,7 +175,8 @@ def _ratio(
     """An upper bound of |φᵀν|/δ while the state stays in its ranges."""
     ranges = (acceleration, *system.force_ranges(position, velocity))
     total = plus(*(scaled(factor, x) for factor, x in zip(nu, ranges, strict=True)))
-    return size(total).upper / system.disturbance_bound.range(position, velocity).lower
+    ratio = size(total).upper / system.disturbance_bound.range(position, velocity).lower
+    return jnp.where(jnp.isnan(ratio), jnp.inf, ratio)  # what is unknown is not bounded
 
 
 def _halved(cells: Cells, across_y: Bool[np.ndarray, " cells"]) -> Float[np.ndarray, "halves 4"]:

@@ -21,7 +21,8 @@ class Guarantee(NamedTuple):
     """What a log proves.
 
     Attributes:
-        estimate: by optimal modulating functions, with intervals inside everything known before.
+        estimate: by optimal modulating functions, its box that which the round before left: the
+            intervals are inside everything known before.
         logged: the rows of the last round, for other estimators.
     """
 

@@ -48,7 +48,7 @@ class GuaranteedError(eqx.Module):
     knots: int = eqx.field(static=True, default=100)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-        """Rounded by the smoothing, and never below the exact one."""
+        """With jumps spread and the largest rounded upwards; exact without smoothing."""
         logs = jnp.log(self.errors(trajectory, smoothing) / self.targets)
         corner = jnp.where(smoothing > 0, smoothing, 1.0)
         rounded = corner * jax.scipy.special.logsumexp(logs / corner)
@@ -80,7 +80,8 @@ class GuaranteedError(eqx.Module):
 
         found = Brackets(*map(moved, found, states))
         step = jnp.abs(states.acceleration) * self.period / 2
-        return hats(softened(self.narrow, smoothing * self.speed + step), log, found)
+        blend = jnp.where(smoothing > 0, smoothing * self.speed + step, 0.0)
+        return hats(softened(self.narrow, blend), log, found)
 
     def _weights(self, logged: Logged) -> tuple[Float[Array, "m n"], Float[Array, "m m"]]:
         rows = logged.record.rows

@@ -19,6 +19,7 @@ from jaxid.ranges import Range, around, common, exactly, hull, minus, plus, size
 from jaxid.system import Scalar, System
 
 _WINDOW = 12  # ticks: positions farther apart say less about a velocity than nearer ones
+_ROUNDINGS = 4  # of a position: when it is read, and in a difference of two or three
 _PASSES = 4  # of velocity from acceleration and acceleration from velocity
 
 
@@ -43,6 +44,12 @@ class Log(eqx.Module):
             "Argument `position` must have one entry more than `input`, the end of its last tick, "
             f"but they have {self.position.size} and {self.input.size}.",
         )
+
+    @property
+    def reading_error(self) -> Scalar:
+        """|read − true| at most, with what doubles of this size and their differences lose."""
+        rounded = _ROUNDINGS * jnp.finfo(self.position.dtype).eps
+        return self.resolution / 2 + rounded * jnp.max(jnp.abs(self.position))
 
 
 class Brackets(NamedTuple):
@@ -89,7 +96,7 @@ def _brackets(system: System, log: Log) -> Brackets:
     speed = _top_speed(system, log, mean)
     position, acceleration = _within(system, log, around(speed))
     # in every tick the velocity is once the mean one
-    reach = log.resolution / h + h * size(acceleration).upper
+    reach = 2 * log.reading_error / h + h * size(acceleration).upper
     velocity = Range(mean - reach, mean + reach)
     for _ in range(_PASSES):
         position, acceleration = _within(system, log, velocity)
@@ -105,7 +112,7 @@ def _top_speed(system: System, log: Log, mean: Float[Array, " n"]) -> Scalar:
     is at most A(V), so |ẏ| at most mean + h·A(V): if that is below V, V is never reached.
     """
     h = log.period
-    most = jnp.max(jnp.abs(mean)) + log.resolution / h
+    most = jnp.max(jnp.abs(mean)) + 2 * log.reading_error / h
 
     def next_speed(speed: Scalar) -> Scalar:
         return most + h * jnp.max(size(_within(system, log, around(speed))[1]).upper)
@@ -118,7 +125,7 @@ def _within(system: System, log: Log, velocity: Range) -> tuple[Range, Range]:
     """Position and acceleration during each tick, from the velocity; ÿ from (1)."""
     first, last = log.position[:-1], log.position[1:]
     velocity = jax.tree.map(lambda x: jnp.broadcast_to(x, first.shape), velocity)
-    reach = log.resolution / 2 + log.period * size(velocity).upper / 2  # from the nearer end
+    reach = log.reading_error + log.period * size(velocity).upper / 2  # from the nearer end
     position = plus(hull(exactly(first), exactly(last)), around(reach))
     return position, accelerations(system, log.input, position, velocity)
 
@@ -146,7 +153,7 @@ def _from_windows(log: Log, acceleration: Range) -> Range:
     both = zip(_gains(acceleration, count, 1), _gains(acceleration, count, -1), strict=True)
     for p, (after, before) in enumerate(both, start=1):
         later, sooner = _shifted(y, p, count, 0.0), _shifted(y, -p, count, 0.0)
-        error = jnp.broadcast_to(log.resolution / (p * h), y.shape)
+        error = jnp.broadcast_to(2 * log.reading_error / (p * h), y.shape)
         gained = minus(_times(h / 2, before), _times(h / 2, after))
         for mean, doubt in (
             ((later - y) / (p * h), minus(around(error), _times(h, after))),

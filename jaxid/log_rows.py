@@ -7,8 +7,8 @@ are measured or bracketed ones, φ̂, so that
 
 What is bracketed row by row widens δ_k. Errors of the encoder are common to several rows, and there
 they nearly cancel: weights g turn them into Σ_l b_l |(S g)_l| with a short stencil S (a second
-difference of g for those of ÿ), which is the exact worst case over all errors |e_l| ≤ resolution/2
-of one regressor.
+difference of g for those of ÿ): the exact worst case over all |e_l| ≤ resolution/2, regressor by
+regressor.
 """
 
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ from jaxid.ranges import Range, size
 from jaxid.record import Record, Rows
 from jaxid.system import Motion, Scalar, System, Viscous
 
-# of a bound: far more than rounding leaves of any sum in it
+# of a bound: far more than its sums lose by rounding; readings have theirs in `Log.reading_error`
 _ROUNDED = 1e-9
 
 
@@ -76,11 +76,15 @@ def hats(system: System, log: Log, found: Brackets) -> Logged:
     columns = _columns(system, y, (y[2:] - y[:-2]) / (2 * h), h, map(_mean, middles))
     rows = Rows(columns, _mean(doubt), jnp.full(columns[0].shape, h))
     most, size_of = _most(system), size(found.acceleration).upper
-    half, n = log.resolution / 2, y.size
+    half, n = log.reading_error, y.size
     channels = {"quantised ÿ": _channel((1.0, -2.0, 1.0), most[0] * half / h**2, n)}
     for j in _viscous(system):
-        channels["quantised ẏ"] = _channel((-1.0, 0.0, 1.0), most[j] * half / (2 * h), n)
-        channels["interpolated ẏ"] = Channel(jnp.array([-1.0, 1.0]), most[j] * h / 12 * size_of)
+        channels[f"quantised ẏ of {system.names[j]}"] = _channel(
+            (-1.0, 0.0, 1.0), most[j] * half / (2 * h), n
+        )
+        channels[f"interpolated ẏ of {system.names[j]}"] = Channel(
+            jnp.array([-1.0, 1.0]), most[j] * h / 12 * size_of
+        )
     return Logged(system, Record(rows, _mean(log.input), None), channels)
 
 
@@ -94,14 +98,16 @@ def boxes(system: System, log: Log, found: Brackets) -> Logged:
     middles, doubt = _bracketed(system, found)
     columns = _columns(system, y, jnp.diff(y)[1:] / h, h, (f[1:] for f in middles))
     rows = Rows(columns, doubt[1:], jnp.full(columns[0].shape, h))
-    most, half, n = _most(system), log.resolution / 2, y.size
+    most, half, n = _most(system), log.reading_error, y.size
     lag = most[0] * size(found.acceleration).upper / 2
     channels = {
         "quantised ÿ": _channel((1.0, -2.0, 1.0), most[0] * half / h**2, n),
         "lag of ẏ": Channel(jnp.array([-1.0, 1.0]), lag),
     }
     for j in _viscous(system):
-        channels["quantised ẏ"] = _channel((0.0, -1.0, 1.0), most[j] * half / h, n)
+        channels[f"quantised ẏ of {system.names[j]}"] = _channel(
+            (0.0, -1.0, 1.0), most[j] * half / h, n
+        )
     return Logged(system, Record(rows, log.input[1:], None), channels)
 
 

@@ -91,6 +91,8 @@ def repaired(problem: Problem, inside: JerkTrajectory, start: JerkTrajectory) ->
         moves = (linear_step(c, at, radius) for radius in 0.002 * 2.0 ** np.arange(10))
         move = next((move for move in moves if np.any(move)), np.zeros_like(at.jerk))
         found = _with_jerk(found, jnp.asarray((at.jerk + move) * planned.unit))
+    if found is start:
+        return stepped_back(problem, inside, start)
     ways = (stepped_back(problem, inside, motion) for motion in (found, start))
     return min(ways, key=problem.value)
 

@@ -13,7 +13,9 @@ from jaxid.bound import Norm
 from jaxid.files import read_trajectory
 from jaxid.floor import floor
 from jaxid.minimax import minimax
+from jaxid.ranges import Range
 from jaxid.record import rows_of
+from jaxid.system import Viscous
 
 
 @pytest.fixture(scope="module")
@@ -94,3 +96,15 @@ def test_the_floor_of_a_combination_is_no_more_than_that_of_its_parts(found):
     c[1:3] = 1.0, -0.5
     both = floor(axis.system(), axis.limits(), Norm(jnp.asarray(c)[None]))
     assert float(both.value[0]) <= float(proved.above[1] + 0.5 * proved.above[2])
+
+
+class Unknown(Viscous):
+    """A regressor of which nothing can be proved."""
+
+    def range(self, position, velocity):
+        return Range(jnp.nan * velocity.lower, jnp.nan * velocity.upper)
+
+
+def test_what_cannot_be_bounded_proves_nothing():
+    system = eqx.tree_at(lambda s: s.terms[1].regressor, motor.system(), Unknown())
+    assert np.all(np.asarray(floor(system, motor.limits()).value) == 0)

@@ -21,6 +21,7 @@ from jaxid.loop import random_parameters, vertices
 from jaxid.modulating import modulating
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.simulate import Plant, simulate
+from jaxid.system import Constant, Viscous
 from jaxid.trajectory import reference, uniform
 
 SUBSTEPS = 10
@@ -263,3 +264,33 @@ def bare(logged, half_widths):
             method="highs",
         )
         yield solution.fun
+
+
+def test_every_viscous_term_has_an_error_of_its_own(quiet):
+    """Two of them: neither's may replace the other's."""
+    _, _, log = quiet
+    log = noisy(log, 0.0)
+    system = motor.system()
+    twice = eqx.tree_at(lambda s: s.terms[3].regressor, system, Viscous())
+    found = brackets(system, log)
+    weights = modulating(hats(system, log, found), system.half_widths)[:1]
+    for rows in (hats, boxes):
+        one, both = (rows(s, log, found).shared(weights) for s in (system, twice))
+        third = eqx.tree_at(lambda s: s.terms[1].regressor, twice, Constant())
+        other = rows(third, log, found).shared(weights)
+        neither = eqx.tree_at(lambda s: s.terms[3].regressor, third, Constant())
+        base = rows(neither, log, found).shared(weights)
+        np.testing.assert_allclose(both - base, (one - base) + (other - base), rtol=1e-9)
+        assert np.all(other > base)
+
+
+def test_rounding_far_from_zero_is_part_of_the_bound(quiet):
+    """An exact sensor 1000 m away: what doubles lose there, second differences make 3 m/s² of."""
+    _, _, log = quiet
+    far = eqx.tree_at(lambda x: x.position, log, log.position + 1000.0)
+    one, other = (hats(motor.system(), x, brackets(motor.system(), x)) for x in (log, far))
+    wrong = np.abs(one.record.rows.columns[0] - other.record.rows.columns[0])
+    most = float(motor.system().upper[0])
+    # each of a row's three readings, with its coefficient of 1, -2, 1
+    allowed = 4 * np.max(other.channels["quantised ÿ"].bound) / most
+    assert 0 < np.max(wrong) <= allowed

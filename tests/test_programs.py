@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.linear_motor.tables import gains
@@ -142,6 +143,16 @@ def test_a_stage_is_represented_by_the_best_motion_for_its_objective():
     assert row["filter_percent"] == 0
     assert row["loop_percent"] == pytest.approx(-100 / 7)
     assert row["beyond_18"] == 0.1
+
+
+@pytest.mark.parametrize(("column", "value"), [("J_f", None), ("J_star", np.nan), ("beyond", 1e-9)])
+def test_a_design_without_a_number_or_beyond_its_limits_is_no_stage(column, value):
+    columns = ("J_star", "J_aware", "J_f", "J_f_worst", "beyond")
+    names = ("by_18", "two_stage", "filter_aware", "end_to_end", "robust")
+    rows = {name: dict.fromkeys(columns[:4], 1.0) | {"beyond": -0.1} for name in names}
+    rows["robust"] |= {column: value}
+    with pytest.raises(ValueError, match=f"`designs`: .* robust .*{column}"):
+        gains(rows)
 
 
 def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from experiments.linear_motor.designs import Cell
 from experiments.linear_motor.runs import ClosedLoop, OpenLoopRun
 from jaxid import linear_motor as motor
+from jaxid.checks import require
 from jaxid.estimate import Estimate
 from jaxid.files import Cell as Value
 from jaxid.report import text_table
@@ -188,17 +189,33 @@ OBJECTIVES = {
 }
 
 
+def number(row: Row, column: str) -> float:
+    """Of a row; NaN where there is none."""
+    value = row[column]
+    return np.nan if value is None or value == "" else float(value)
+
+
 def gains(designs: Mapping[str, Row]) -> Row:
     """One case: J_f by stages, and what each stage changes of the one before, in per cent.
 
     A stage is represented by the best motion for its objective that any of the searches of the case
     has found, so that no stage wins by a search that another one missed. The design by (18) may
     leave the limits of the axis: `beyond_18`, in half-widths of a limit.
+
+    Raises:
+        ValueError: if a design has no number, or another one than that by (18) leaves its limits.
     """
-
-    def number(row: Row, column: str) -> float:
-        return float(row[column] or 0.0)
-
+    for name, row in designs.items():
+        for column in OBJECTIVES.values():
+            require(
+                np.isfinite(number(row, column)),
+                f"Argument `designs`: the design {name} has no {column}, but {row[column]}.",
+            )
+        require(
+            name == "by_18" or number(row, "beyond") <= 0,
+            f"Argument `designs`: the design {name} makes the axis leave its limits, beyond is "
+            f"{row['beyond']}, not below zero.",
+        )
     by_18 = designs["by_18"]
     kept = [row for name, row in designs.items() if name != "by_18"]
     best = {
