@@ -9,12 +9,14 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing.sharedctypes import Synchronized
+from pathlib import Path
 from typing import TypeVar
 
 import jax
 
 from jaxid.runtime import configure
 
+_MAPPINGS = Path("/proc/self/maps")
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -94,6 +96,18 @@ def pin(processor: int) -> None:
     """Stay on one processor, where the system can be told so; before JAX starts its threads."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {processor})
+
+
+def make_room(most: int = 30_000) -> None:
+    """Drop what was compiled, once it takes about half of the mappings Linux gives a process.
+
+    Each compiled function takes some of 65,530; without any left the compiler ends the process.
+
+    Args:
+        most: mappings that are left alone.
+    """
+    if _MAPPINGS.exists() and _MAPPINGS.read_bytes().count(b"\n") > most:
+        jax.clear_caches()
 
 
 def _begin(counter: "Synchronized[int]", compiled: str) -> None:

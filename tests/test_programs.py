@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
 from experiments.linear_motor.tables import gains
+from experiments.processes import make_room
 from jaxid.files import read_table
 
 ROOT = Path(__file__).parent.parent
@@ -171,6 +173,22 @@ if __name__ == "__main__":
     script = tmp_path / "program.py"
     script.write_text(program)
     run([str(script)], ROOT)
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux counts mappings")
+def test_room_for_compilations_is_made_when_it_runs_out_and_not_before():
+    traced = []
+
+    @jax.jit
+    def double(x):
+        traced.append(x)
+        return 2 * x
+
+    for most, expected in ((10**9, 1), (0, 2), (10**9, 2)):
+        double(1.0)
+        make_room(most)
+        double(1.0)
+        assert len(traced) == expected
 
 
 def test_every_program_explains_its_options():

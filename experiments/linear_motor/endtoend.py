@@ -18,7 +18,7 @@ from experiments.linear_motor.cases import Case, worth
 from experiments.linear_motor.designs import STUDIED
 from experiments.linear_motor.settings import HARDER, STUDY
 from experiments.linear_motor.stages import EFFORTS, FILTERED, STAGES, Designs, by_18
-from experiments.processes import chained
+from experiments.processes import chained, make_room
 from jaxid import linear_motor as motor
 from jaxid.files import Cell as Value
 from jaxid.files import read_table, write_table
@@ -150,13 +150,8 @@ def missing(archive: Archive, group: Sequence[Case]) -> list[Search]:
 
 
 def searched(search: Search, last: State | None) -> State:
-    """One design. Those that do not know the filter are found once for all filters.
-
-    What one chain has compiled is of little use to the next: kept for all of them it would fill the
-    memory, and the 65,530 mappings that Linux gives a process.
-    """
-    if last is None:
-        jax.clear_caches()
+    """One design. Those that do not know the filter are found once for all filters."""
+    make_room()
     designs = {**search.earlier, **(last.designs if last else {}), **search.own}
     begin = time.perf_counter()
     if search.design in FILTERED or search.design not in designs:
