@@ -45,6 +45,7 @@ says which room may import from which; it is tested, and so is that nobody impor
     log <- checks, ranges, system
     log_rows <- estimate, log, ranges, record, system
     modulating <- bound, log_rows
+    feasible_set <- checks, estimate, log_rows, modulating, record, system
     guarantee <- checks, estimate, log, log_rows, modulating, system, trajectory
     guaranteed_error <- bound, guarantee, log, log_rows, modulating, ranges, system, trajectory
     experiment <- bound, checks, control, design, estimate, filters, log, objective, problem, \
@@ -66,6 +67,7 @@ from jaxid.estimate import Estimate, estimate
 from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
 from jaxid.experiment import design_motion, identify, log_of, run
 from jaxid.feasible import InfeasibleError
+from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor, unlogged
 from jaxid.floor import Floor, floor
 from jaxid.guarantee import Guarantee, foreseen, identify_log
 from jaxid.guaranteed_error import GuaranteedError
@@ -101,6 +103,7 @@ __all__ = [
     "Encoder",
     "Estimate",
     "Estimator",
+    "FeasibleSet",
     "Filtered",
     "FilteredError",
     "Floor",
@@ -130,20 +133,25 @@ __all__ = [
     "Via",
     "Viscous",
     "acceleration_limit",
+    "blind",
     "brackets",
     "cells",
     "design",
     "design_motion",
     "estimate",
+    "feasible_set",
     "floor",
     "foreseen",
     "identify",
     "identify_log",
     "log_of",
+    "louder",
     "minimax",
     "planned_error",
     "position_at_least",
     "refine",
     "run",
+    "smallest_factor",
     "through",
+    "unlogged",
 ]

@@ -50,7 +50,7 @@ class GuaranteedError(eqx.Module):
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
         """With jumps spread and the largest rounded upwards; exact without smoothing."""
         logs = jnp.log(self.errors(trajectory, smoothing) / self.targets)
-        corner = jnp.where(smoothing > 0, smoothing, 1.0)
+        corner = jnp.where(smoothing > 0, 30 * smoothing, 1.0)
         rounded = corner * jax.scipy.special.logsumexp(logs / corner)
         return jnp.where(smoothing > 0, rounded, jnp.max(logs))
 

@@ -25,7 +25,7 @@ from jaxid.record import Record, Rows
 from jaxid.system import Motion, Scalar, System, Viscous
 
 # of a bound: far more than its sums lose by rounding; readings have theirs in `Log.reading_error`
-_ROUNDED = 1e-9
+ROUNDED = 1e-9
 
 
 class Channel(NamedTuple):
@@ -118,7 +118,7 @@ def guaranteed(logged: Logged, weights: Float[Array, "m n"]) -> Estimate:
     commanded, positions read at the ticks to half a count, and on nothing else.
     """
     found = estimate(logged.record, logged.system, weights)
-    bound = (found.bound + logged.shared(weights)) * (1 + _ROUNDED)
+    bound = (found.bound + logged.shared(weights)) * (1 + ROUNDED)
     return eqx.tree_at(lambda e: e.bound, found, bound)
 
 

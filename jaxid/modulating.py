@@ -13,7 +13,7 @@ it returns, `guaranteed` says what it is worth.
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.optimize import linprog
+from scipy.optimize import OptimizeResult, linprog
 
 from jaxid.bound import Norm
 from jaxid.log_rows import Logged
@@ -57,43 +57,92 @@ def optimal(
         functionals: c.
         knots: at most.
     """
-    basis = _linear(delta.size, knots)
-    second = np.abs(noise)[:, None] * _second_differences(basis)
-    second = second[np.any(second != 0, axis=1)]
-    found = [_solve(c, phi.T @ basis, delta @ basis, second, half_widths) for c in functionals]
+    program = Program(phi, delta, noise, half_widths, knots)
+    found = [program.least(c) for c in functionals]
     weights, multipliers = zip(*found, strict=True)
-    return np.stack(weights) @ basis.T, np.stack(multipliers)
+    return np.stack(weights), np.stack(multipliers)
 
 
-def _solve(
-    functional: Float[np.ndarray, " m"],
-    phi: Float[np.ndarray, "m knots"],
-    delta: Float[np.ndarray, " knots"],
-    second: Float[np.ndarray, "l knots"],
-    half_widths: Float[np.ndarray, " m"],
-) -> tuple[Float[np.ndarray, " knots"], Float[np.ndarray, " m"]]:
-    """Min Σ|x| + Σ|S x| + Σ|b∘(c − Φx)|, in units of the prior; x = x⁺ − x⁻."""
-    unit = np.abs(functional) @ half_widths
-    (m, count), noisy = phi.shape, len(second)
-    moments, spread = half_widths[:, None] * phi / delta, second / delta
-    free, rest, nothing = np.eye(noisy), np.eye(m), np.zeros((noisy, m))
-    solution = linprog(
-        np.ones(2 * count + noisy + 2 * m),
-        A_ub=np.block(
-            [
-                [spread, -spread, -free, nothing, nothing],
-                [-spread, spread, -free, nothing, nothing],
-            ]
-        ),
-        b_ub=np.zeros(2 * noisy),
-        A_eq=np.block([moments, -moments, np.zeros((m, noisy)), rest, -rest]),
-        b_eq=half_widths * functional / unit,
-        method="highs",
-    )
-    if solution.x is None:  # without weights the prior box remains
-        return np.zeros(count), half_widths * np.sign(functional)
-    x = solution.x[:count] - solution.x[count : 2 * count]
-    return unit * x / delta, half_widths * solution.eqlin.marginals
+class Program:
+    """The linear program of a log, in units of δ and of the prior; absolute values are slacks."""
+
+    def __init__(
+        self,
+        phi: Float[np.ndarray, "n m"],
+        delta: Float[np.ndarray, " n"],
+        noise: Float[np.ndarray, " samples"],
+        half_widths: Float[np.ndarray, " m"],
+        knots: int,
+    ) -> None:
+        """The arguments are those of `optimal`."""
+        self.basis, self.half_widths = _linear(delta.size, knots), half_widths
+        self.delta = delta @ self.basis
+        self.moments = half_widths[:, None] * (phi.T @ self.basis) / self.delta
+        noisy = noise != 0
+        second = np.zeros((0, self.delta.size))
+        if np.any(noisy):
+            second = noise[noisy, None] * _second_differences(self.basis)[noisy] / self.delta
+        self.spread = second[np.any(second != 0, axis=1)]
+
+    def least(
+        self, functional: Float[np.ndarray, " m"], misfit: Float[np.ndarray, " n"] | None = None
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " m"]]:
+        """The weights of the least guaranteed error of cᵀθ, or of the least upper end for it.
+
+        Args:
+            functional: c.
+            misfit: u − Φ·centre, for the upper end: its mean gᵀ(u − Φ·centre) counts as well.
+
+        Returns:
+            g and the multipliers of c − Φᵀg; no weights where the program has no solution: the
+            prior remains.
+        """
+        unit = np.abs(functional) @ self.half_widths
+        tilt = np.zeros_like(self.delta) if misfit is None else misfit @ self.basis / self.delta
+        solution = self._solved(1.0, tilt, self.half_widths * functional / unit)
+        if solution.x is None:
+            return np.zeros(len(self.basis)), self.half_widths * np.sign(functional)
+        return unit * self._weights(solution.x), self.half_widths * solution.eqlin.marginals
+
+    def contradicting(self, misfit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """The weights that ask for the largest δ, with Σ|g|δ ≤ 1."""
+        tilt = misfit @ self.basis / self.delta
+        solution = self._solved(0.0, tilt, np.zeros_like(self.half_widths), most=1.0)
+        assert solution.x is not None  # no weights keep all conditions, and they are bounded
+        return self._weights(solution.x)
+
+    def _solved(
+        self,
+        price: float,
+        tilt: Float[np.ndarray, " knots"],
+        target: Float[np.ndarray, " m"],
+        most: float | None = None,
+    ) -> OptimizeResult:
+        """Min price·Σ|x| + xᵀtilt + Σ|S x| + Σ|target − moments·x|, with Σ|x| ≤ most."""
+        (m, count), noisy = self.moments.shape, len(self.spread)
+        slacks = np.zeros((1, noisy + 2 * m))
+        bias = np.hstack([np.zeros((m, noisy)), np.eye(m), -np.eye(m)])
+        free = np.hstack([-np.eye(noisy), np.zeros((noisy, 2 * m))])
+        above = [
+            np.hstack([self.spread, -self.spread, free]),
+            np.hstack([-self.spread, self.spread, free]),
+        ]
+        limit = np.zeros(2 * noisy)
+        if most is not None:
+            above.append(np.hstack([np.ones((1, 2 * count)), slacks]))
+            limit = np.append(limit, most)
+        return linprog(
+            np.concatenate([price + tilt, price - tilt, np.ones(noisy + 2 * m)]),
+            A_ub=np.concatenate(above),
+            b_ub=limit,
+            A_eq=np.hstack([self.moments, -self.moments, bias]),
+            b_eq=target,
+            method="highs",
+        )
+
+    def _weights(self, x: Float[np.ndarray, " variables"]) -> Float[np.ndarray, " n"]:
+        count = self.delta.size
+        return self.basis @ ((x[:count] - x[count : 2 * count]) / self.delta)
 
 
 def _linear(count: int, most: int) -> Float[np.ndarray, "count knots"]:

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid.checks import is_concrete, require, require_interval
-from jaxid.ranges import Range, exactly, hull, size
+from jaxid.ranges import Range, exactly, hull, scaled, size
 
 Scalar = Float[Array, ""]
 Motion = Float[Array, "*shape"]
@@ -184,6 +184,19 @@ class SpeedBand(DisturbanceBound, Kinked):
 
     def softened(self, speed: Motion) -> "SpeedBand":
         return SpeedBand(self.slow, self.fast, self.threshold, self.blend + speed)
+
+
+class Scaled(DisturbanceBound):
+    """s·δ, for another δ and s > 0."""
+
+    bound: DisturbanceBound
+    factor: Scalar = eqx.field(converter=jnp.asarray)
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        return self.factor * self.bound(position, velocity)
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        return scaled(self.factor, self.bound.range(position, velocity))
 
 
 class Term(eqx.Module):

@@ -1,0 +1,183 @@
+"""What data leave possible: it holds the truth, no estimator knows more, and lies are found out."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from jaxid import linear_motor as motor
+from jaxid.disturbance import NoDisturbance
+from jaxid.estimate import estimate
+from jaxid.estimators import ESTIMATORS
+from jaxid.experiment import log_of, run
+from jaxid.feasible_set import blind, feasible_set, louder, projection, smallest_factor, unlogged
+from jaxid.guarantee import identify_log
+from jaxid.log import brackets
+from jaxid.log_rows import guaranteed, hats
+from jaxid.record import Record, Rows
+from jaxid.sensing import Encoder
+from jaxid.simulate import Plant
+
+H, Q = motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION
+SYSTEM = motor.system()
+
+
+@jax.jit
+def data_set(key):
+    """Rows of all sizes and shapes, and a truth that left them."""
+    keys = jax.random.split(key, 4)
+    columns = jax.random.normal(keys[0], (4, 20)) / SYSTEM.half_widths[:, None]
+    columns = columns * jnp.array([1.0, 1.0, 0.2, 0.02])[:, None]  # some hardly seen
+    delta = jnp.exp(jax.random.normal(keys[1], (20,)))
+    theta = SYSTEM.lower + jax.random.uniform(keys[2], (4,)) * (SYSTEM.upper - SYSTEM.lower)
+    disturbance = delta * jax.random.uniform(keys[3], (20,), minval=-1.0)
+    rows = Rows(tuple(columns), delta, jnp.ones(20))
+    record = Record(rows, theta @ columns + disturbance, disturbance)
+    return (
+        theta,
+        record,
+        [
+            estimate(record, SYSTEM, estimator(rows, SYSTEM.half_widths))
+            for estimator in ESTIMATORS.values()
+        ],
+    )
+
+
+def ends(record):
+    """By HiGHS from the definition: min and max θ_i with |u − Φθ| ≤ δ in the box."""
+    phi, u = np.asarray(record.rows.regressors), np.asarray(record.input)
+    delta = np.asarray(record.rows.delta)
+    box = np.stack([SYSTEM.lower, SYSTEM.upper], axis=1)
+    for c in (*np.eye(4), *-np.eye(4)):
+        solution = linprog(
+            c,
+            A_ub=np.concatenate([phi, -phi]),
+            b_ub=np.concatenate([delta + u, delta - u]),
+            bounds=box,
+            method="highs",
+        )
+        yield solution.fun
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_it_holds_the_truth_and_no_estimator_knows_more(part):
+    """1,000 random data sets; its ends are those of its definition, to the tolerance of HiGHS."""
+    size = np.asarray(SYSTEM.half_widths)
+    for k, one in enumerate(jax.random.split(jax.random.key(part), 250)):
+        theta, record, estimates = data_set(one)
+        logged = unlogged(SYSTEM, record)
+        found = feasible_set(logged, estimates)
+        assert np.all(found.lower <= theta)
+        assert np.all(theta <= found.upper)
+        for other in estimates:
+            assert np.all(found.lower >= other.lower)
+            assert np.all(found.upper <= other.upper)
+        if k % 10 == 0:
+            alone = feasible_set(logged)
+            lower, upper = np.split(np.array(list(ends(record))), 2)
+            np.testing.assert_allclose(alone.lower / size, lower / size, atol=1e-6)
+            np.testing.assert_allclose(alone.upper / size, -upper / size, atol=1e-6)
+            for other in estimates:
+                assert np.all(alone.upper <= other.upper + 1e-6 * size)
+
+
+def test_data_that_contradict_delta_are_found_out(key):
+    """The smallest factor is the one that a linear program of its definition asks for."""
+    _, record, _ = data_set(key)
+    wrong = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(300.0))
+    with pytest.raises(ValueError, match=r"`logged`: no θ of the box can have left"):
+        feasible_set(unlogged(SYSTEM, wrong))
+    factor = smallest_factor(lambda s: unlogged(SYSTEM, times(wrong, s)))
+    phi, u = np.asarray(record.rows.regressors), np.asarray(wrong.input)
+    delta = np.asarray(record.rows.delta)[:, None]
+    solution = linprog(
+        [0.0, 0.0, 0.0, 0.0, 1.0],
+        A_ub=np.block([[phi, -delta], [-phi, -delta]]),
+        b_ub=np.concatenate([u, -u]),
+        bounds=[*np.stack([SYSTEM.lower, SYSTEM.upper], axis=1), (0, None)],
+        method="highs",
+    )
+    assert solution.fun * (1 - 1e-7) <= factor <= solution.fun * 1.0011
+    feasible_set(unlogged(SYSTEM, times(wrong, 1.001 * factor)))
+    with pytest.raises(ValueError, match="no θ of the box"):
+        feasible_set(unlogged(SYSTEM, times(wrong, 0.997 * factor)))
+    broken = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(1e6))
+    with pytest.raises(ValueError, match=r"`rows`: even 1000·δ does not explain"):
+        smallest_factor(lambda s: unlogged(SYSTEM, times(broken, s)))
+
+
+def times(record, factor):
+    return eqx.tree_at(lambda r: r.rows.delta, record, factor * record.rows.delta)
+
+
+def test_what_the_data_cannot_tell_apart_is_named():
+    """A constant acceleration looks like an offset, and at rest nobody sees a viscous friction."""
+    n = 20
+    speed = jnp.zeros(n).at[0].set(1.0)
+    columns = (jnp.full(n, 2.0), 0.0 * speed, speed, jnp.ones(n))
+    record = Record(Rows(columns, jnp.full(n, 0.05), jnp.ones(n)), jnp.full(n, 0.3), None)
+    found = blind(unlogged(SYSTEM, record))
+    assert set(found) == {"M", "B"}
+    size = SYSTEM.half_widths
+    for name, combination in found.items():
+        index = SYSTEM.index(name)
+        np.testing.assert_allclose(combination[index], size[index])
+        assert np.all(np.abs(combination) <= size)
+        assert np.all(np.abs(record.rows.regressors @ combination) <= 0.05 * (1 + 1e-9))
+    left = feasible_set(unlogged(SYSTEM, record))
+    np.testing.assert_allclose((left.upper - left.lower)[1], 2 * size[1], rtol=1e-12)
+    assert np.all((left.upper - left.lower)[2:] < 1.2 * size[2:])
+    assert np.count_nonzero(found["B"]) == 1
+    np.testing.assert_allclose(found["M"], [0.05, 0.0, 0.0, -0.05], atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def experiment(motion):
+    """A log, and the share of δ that disturbed it at most."""
+    encoder = Encoder(Q)
+    record, signals = run(motor.plant(), motor.controller(), encoder, motion, H)
+    share = float(jnp.max(jnp.abs(record.disturbance) / record.rows.delta))
+    return log_of(signals, encoder, H), share
+
+
+def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
+    log, share = experiment
+    found = identify_log(SYSTEM, log)
+    rows = found.logged.record.rows
+    others = [
+        guaranteed(found.logged, estimator(rows, SYSTEM.half_widths))
+        for estimator in ESTIMATORS.values()
+    ]
+    left = feasible_set(found.logged, [found.estimate, *others], knots=75)
+    truth = np.asarray(motor.TRUE_PARAMETERS)
+    assert np.all(left.lower <= truth)
+    assert np.all(truth <= left.upper)
+    for other in (found.estimate, *others):
+        assert np.all(left.lower >= other.lower)
+        assert np.all(left.upper <= other.upper)
+    share_left = (left.upper - left.lower) / 2 / found.estimate.half_length
+    assert np.mean(share_left) < 0.9
+    corners = projection(found.logged, "M", "B", knots=75)
+    alone = feasible_set(found.logged, knots=75)
+    np.testing.assert_allclose(corners.max(axis=0), alone.upper[:2], rtol=1e-3)
+    np.testing.assert_allclose(corners.min(axis=0), alone.lower[:2], rtol=1e-3)
+
+    def louder_rows(factor):
+        system = louder(SYSTEM, factor)
+        return hats(system, log, brackets(system, log))
+
+    # the true plant disturbed itself by no more than this share
+    assert smallest_factor(louder_rows, knots=75) <= share
+
+
+def test_an_input_that_hides_a_force_is_falsified(motion):
+    encoder = Encoder(Q)
+    plant = Plant(SYSTEM, SYSTEM.centre, NoDisturbance())
+    _, signals = run(plant, motor.controller(), encoder, motion, H)
+    log = log_of(signals, encoder, H)
+    time = jnp.arange(log.input.size) * H
+    pulled = eqx.tree_at(lambda x: x.input, log, log.input + 1.5 * jnp.sin(80.0 * time))
+    with pytest.raises(ValueError, match=r"no θ of the box|contradict"):
+        feasible_set(hats(SYSTEM, pulled, brackets(SYSTEM, pulled)), knots=75)
