@@ -48,8 +48,8 @@ says which room may import from which; it is tested, and so is that nobody impor
     feasible_set <- checks, estimate, log_rows, modulating, record, system
     guarantee <- checks, estimate, log, log_rows, modulating, system, trajectory
     guaranteed_error <- bound, guarantee, log, log_rows, modulating, ranges, system, trajectory
-    experiment <- bound, checks, control, design, estimate, filters, log, objective, problem, \
-record, sensing, simulate, system, trajectory
+    experiment <- admissible, bound, checks, control, design, estimate, filters, guarantee, \
+guaranteed_error, log, objective, polish, problem, record, sensing, simulate, system, trajectory
     files <- checks, trajectory
     blocks <- checks, files
     sweep <- checks, control, disturbance, estimate, feasible, filters, record, sensing, \
@@ -65,7 +65,7 @@ from jaxid.control import ARC, OpenLoop, PDFeedforward
 from jaxid.design import Design, Effort, design
 from jaxid.estimate import Estimate, estimate
 from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
-from jaxid.experiment import design_motion, identify, log_of, run
+from jaxid.experiment import design_guaranteed, design_motion, identify, log_of, run
 from jaxid.feasible import InfeasibleError
 from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor, unlogged
 from jaxid.floor import Floor, floor
@@ -137,6 +137,7 @@ __all__ = [
     "brackets",
     "cells",
     "design",
+    "design_guaranteed",
     "design_motion",
     "estimate",
     "feasible_set",

@@ -23,6 +23,10 @@ from jaxid.ranges import Range
 from jaxid.system import Scalar, System, softened
 from jaxid.trajectory import JerkTrajectory
 
+# of the largest relative error, in units of smoothing: were it as sharp as the jumps of δ, a polish
+# would stall where two parameters tie
+_CORNER = 30.0
+
 
 class GuaranteedError(eqx.Module):
     """The log of the largest guaranteed error, each parameter's relative to its own target.
@@ -45,12 +49,12 @@ class GuaranteedError(eqx.Module):
     period: Scalar = eqx.field(converter=jnp.asarray)
     resolution: Scalar = eqx.field(converter=jnp.asarray)
     ticks: int = eqx.field(static=True)
-    knots: int = eqx.field(static=True, default=100)
+    knots: int = eqx.field(static=True, default=150)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
         """With jumps spread and the largest rounded upwards; exact without smoothing."""
         logs = jnp.log(self.errors(trajectory, smoothing) / self.targets)
-        corner = jnp.where(smoothing > 0, 30 * smoothing, 1.0)
+        corner = jnp.where(smoothing > 0, _CORNER * smoothing, 1.0)
         rounded = corner * jax.scipy.special.logsumexp(logs / corner)
         return jnp.where(smoothing > 0, rounded, jnp.max(logs))
 

@@ -4,6 +4,8 @@ Limits and via points are linear in the jerk, so only the objective is linearise
 admissible, and only improvements are accepted.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -27,7 +29,11 @@ _SPARE = 1e-6
 
 
 def polish(
-    problem: Problem, inside: JerkTrajectory, start: JerkTrajectory, steps: int
+    problem: Problem,
+    inside: JerkTrajectory,
+    start: JerkTrajectory,
+    steps: int,
+    smoothings: Sequence[float] = SMOOTHINGS,
 ) -> JerkTrajectory:
     """Improve an admissible motion by at most `steps` linear programs per smoothing.
 
@@ -36,9 +42,10 @@ def polish(
         inside: a strictly admissible motion of the same length, to walk back from.
         start: an admissible motion; padding (intervals of no duration) is left alone.
         steps: the most linear programs to solve per smoothing.
+        smoothings: of the objective, one after the other.
     """
     found = start
-    for smoothing in SMOOTHINGS:
+    for smoothing in smoothings:
         found = _descend(problem, inside, found, smoothing, steps)
         if problem.axis is None:
             found = walk(problem, inside, found)

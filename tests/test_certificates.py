@@ -1,0 +1,83 @@
+"""The motor's certificates: what is printed of them, against second truths."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from experiments.linear_motor import certificates
+from jaxid import linear_motor as motor
+from jaxid.files import read_table, read_trajectory
+from jaxid.limits import worst_excess
+from jaxid.record import rows_of
+
+
+@pytest.fixture(scope="module")
+def motion(figures):
+    return read_trajectory(figures / "trajectory_minimax.csv")
+
+
+@pytest.fixture(scope="module")
+def table(figures):
+    rows = read_table(figures / "table4.csv")
+    return {(row["design"], row["parameter"]): row for row in rows}
+
+
+def test_one_motion_is_near_the_floor_of_every_parameter_at_once(motion, table):
+    """Within 6, 1.5, 2 and 1 %, every limit exact."""
+    gap = np.asarray(certificates.worth(motion).guaranteed / certificates.certified_floor()) - 1
+    assert np.all(gap <= [0.06, 0.015, 0.02, 0.01])
+    assert worst_excess(motor.limits(), motor.boundary(), motion) <= 0
+    assert motion.jerk.size == 60
+    printed = [float(table["one_motion", name]["gap"]) for name in motor.system().names]
+    np.testing.assert_allclose(printed, gap, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("design", ["lse_M", "lse_B", "lse_Fc", "one_motion"])
+def test_printed_errors_are_ordered_as_they_must_be(table, design):
+    """The best estimator of exact signals is between the floor and every other one."""
+    for name in motor.system().names:
+        row = table[design, name]
+        best, floor = float(row["r_minimax"]), float(row["floor"])
+        assert floor <= best * (1 + 1e-9)
+        for other in ("J_lse", "J_weighted_1", "J_weighted_2", "guaranteed"):
+            assert best <= float(row[other])
+        assert float(row["gap"]) == pytest.approx(float(row["guaranteed"]) / floor - 1, abs=1e-12)
+
+
+def test_printed_minimax_errors_are_those_of_another_solver(table, motion):
+    """HiGHS on the same rows, in units of δ and the prior: to 1e-6."""
+    system = motor.system()
+    rows = rows_of(system, *motion.midpoints(256))
+    phi = np.asarray(rows.regressors) / np.asarray(rows.delta)[:, None]
+    box = np.asarray(system.half_widths)
+    scaled = phi * box
+    for k, name in enumerate(system.names):
+        solution = linprog(
+            -np.eye(4)[k],
+            A_ub=np.concatenate([scaled, -scaled]),
+            b_ub=np.ones(2 * len(scaled)),
+            bounds=(-1.0, 1.0),
+            method="highs",
+        )
+        printed = float(table["one_motion", name]["r_minimax"])
+        assert printed == pytest.approx(-solution.fun * box[k], rel=1e-6)
+
+
+def test_one_experiment_proves_more_than_the_papers_three(figures):
+    for row in read_table(figures / "proved.csv"):
+        values = {name: float(x) for name, x in row.items() if name != "parameter" and x}
+        assert values["possible_lower"] <= values["theta_true"] <= values["possible_upper"]
+        assert values["lower"] <= values["possible_lower"]
+        assert values["possible_upper"] <= values["upper"]
+        if "J_paper" in values:
+            assert values["half_length"] < values["J_paper"]
+
+
+def test_a_run_of_the_motion_proves_what_the_table_says(motion, figures):
+    proof = certificates.experiment(motion)
+    for k, row in enumerate(read_table(figures / "proved.csv")):
+        found = [proof.guarantee.estimate.half_length[k], proof.left.lower[k], proof.left.upper[k]]
+        columns = ("half_length", "possible_lower", "possible_upper")
+        printed = [float(row[name]) for name in columns]
+        np.testing.assert_allclose(jnp.stack(found), printed, rtol=1e-3, atol=1e-3)
