@@ -27,7 +27,7 @@ def start(figures):
 def objective(start):
     system = motor.system()
     narrow = narrowed(system, identify_log(system, foreseen(system, start, H, Q), 100).estimate)
-    return GuaranteedError(system, narrow, FLOOR, 2.0, H, Q, TICKS)
+    return GuaranteedError(system, narrow, FLOOR, 2.0, H, Q, TICKS, 100)
 
 
 def expected(trajectory):
