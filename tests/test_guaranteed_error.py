@@ -51,9 +51,9 @@ def test_without_smoothing_they_are_exactly_those(objective, start):
 def test_its_slope_is_that_of_the_least_error(objective, start, key):
     """By finite differences along random jerks; the weights are optimal anew at each end.
 
-    To 2 %: the widths of the brackets, which the slope holds fixed, change by that much (1.5 %).
+    Measured: 6e-4 of the slope's size, from the widths of the brackets, which it holds fixed.
     """
-    smoothing = jnp.asarray(0.003)
+    smoothing = jnp.asarray(0.001)
 
     @eqx.filter_jit
     def value(jerk):
@@ -61,10 +61,10 @@ def test_its_slope_is_that_of_the_least_error(objective, start, key):
 
     slope = jax.grad(value)(start.jerk)
     for direction in jax.random.normal(key, (4, 60)):
-        step = 0.01 * direction
+        step = 0.003 * direction
         change = float(value(start.jerk + step) - value(start.jerk - step)) / 2
         size = float(jnp.linalg.norm(slope) * jnp.linalg.norm(step))
-        assert abs(change - float(slope @ step)) < 0.02 * size
+        assert abs(change - float(slope @ step)) < 0.002 * size
 
 
 def test_a_polish_for_it_improves_what_the_log_would_prove(objective, start):
