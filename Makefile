@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend crosscheck bench bench-design test check clean
+.PHONY: reproduce sweep robust endtoend honest crosscheck bench bench-design test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
@@ -20,6 +20,9 @@ robust: $(READY)  ## motions whose limits the axis itself keeps, sampled and pro
 
 endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; hours, goes on where it stopped
 	$(BIN)/python -m experiments.linear_motor.endtoend
+
+honest: $(READY)  ## intervals from 10,000 simulated logs beside the truths; goes on where it stopped
+	$(BIN)/python -m experiments.linear_motor.honest
 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 	$(BIN)/python -m experiments.linear_motor.crosscheck

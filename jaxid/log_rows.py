@@ -63,6 +63,7 @@ class Logged(eqx.Module):
         return sum((c.worst(weights) for c in self.channels.values()), jnp.zeros(len(weights)))
 
 
+@eqx.filter_jit
 def hats(system: System, log: Log, found: Brackets) -> Logged:
     """Test functions that are hats over two ticks: ÿ and ẏ from positions alone.
 
@@ -88,6 +89,7 @@ def hats(system: System, log: Log, found: Brackets) -> Logged:
     return Logged(system, Record(rows, _mean(log.input), None), channels)
 
 
+@eqx.filter_jit
 def boxes(system: System, log: Log, found: Brackets) -> Logged:
     """Boxes of one tick, velocities by backward differences: the paper's way, made honest.
 
@@ -111,6 +113,7 @@ def boxes(system: System, log: Log, found: Brackets) -> Logged:
     return Logged(system, Record(rows, log.input[1:], None), channels)
 
 
+@eqx.filter_jit
 def guaranteed(logged: Logged, weights: Float[Array, "m n"]) -> Estimate:
     """The estimate by any weights, with a bound for the continuous-time plant behind the log.
 

@@ -10,9 +10,12 @@ ticks apart, so that its second differences, which turn into noise of ÿ, live a
 it returns, `guaranteed` says what it is worth.
 """
 
+import functools
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from scipy.optimize import OptimizeResult, linprog
 
 from jaxid.bound import Norm
@@ -75,14 +78,12 @@ class Program:
         knots: int,
     ) -> None:
         """The arguments are those of `optimal`."""
-        self.basis, self.half_widths = _linear(delta.size, knots), half_widths
+        self.basis, kinks, second = _family(delta.size, knots)
+        self.half_widths = half_widths
         self.delta = delta @ self.basis
         self.moments = half_widths[:, None] * (phi.T @ self.basis) / self.delta
-        noisy = noise != 0
-        second = np.zeros((0, self.delta.size))
-        if np.any(noisy):
-            second = noise[noisy, None] * _second_differences(self.basis)[noisy] / self.delta
-        self.spread = second[np.any(second != 0, axis=1)]
+        noisy = noise[kinks] != 0
+        self.spread = noise[kinks][noisy, None] * second[noisy] / self.delta
 
     def least(
         self, functional: Float[np.ndarray, " m"], misfit: Float[np.ndarray, " n"] | None = None
@@ -145,18 +146,26 @@ class Program:
         return self.basis @ ((x[:count] - x[count : 2 * count]) / self.delta)
 
 
-def _linear(count: int, most: int) -> Float[np.ndarray, "count knots"]:
-    """Hat functions of coarse knots on samples 1 … count, zero at 0 and count + 1."""
+class _Family(NamedTuple):
+    """Piecewise linear weights: hat functions of coarse knots, zero at 0 and count + 1.
+
+    Attributes:
+        basis: on the rows, which are the samples 1 … count.
+        kinks: the samples, from 0 on and with two beyond the rows, where any of them turns.
+        second: their second differences there.
+    """
+
+    basis: Float[np.ndarray, "n knots"]
+    kinks: Int[np.ndarray, " kinks"]
+    second: Float[np.ndarray, "kinks knots"]
+
+
+@functools.lru_cache(maxsize=4)
+def _family(count: int, most: int) -> _Family:
     at = np.unique(np.linspace(0, count + 1, min(most, count) + 2).round())
     samples = np.arange(1, count + 1)
-    return np.stack([np.interp(samples, at, unit) for unit in np.eye(len(at))[1:-1]], axis=1)
-
-
-def _second_differences(
-    basis: Float[np.ndarray, "n knots"],
-) -> Float[np.ndarray, "samples knots"]:
-    """Convolved with (1, −2, 1), full length."""
-    padded = np.pad(basis, ((2, 2), (0, 0)))
-    found = np.diff(padded, 2, axis=0)
-    found[np.abs(found) < 1e-12] = 0.0
-    return found
+    basis = np.stack([np.interp(samples, at, unit) for unit in np.eye(len(at))[1:-1]], axis=1)
+    second = np.diff(np.pad(basis, ((2, 2), (0, 0))), 2, axis=0)
+    second[np.abs(second) < 1e-12] = 0.0
+    kinks = np.flatnonzero(np.any(second != 0, axis=1))
+    return _Family(basis, kinks, second[kinks])

@@ -62,3 +62,9 @@ def test_text_tables_line_up():
     assert lines[0] == "Title"
     assert len({len(line) for line in lines[1:]}) == 1
     assert lines[-1].endswith("-")
+
+
+def test_text_with_commas_and_quotes_comes_back_as_it_was(tmp_path):
+    text = 'one, "two"\nthree'
+    write_table(tmp_path / "table.csv", ("a", "b"), [{"a": text, "b": 1}])
+    assert read_table(tmp_path / "table.csv") == [{"a": text, "b": "1"}]

@@ -1,0 +1,203 @@
+"""Is any truth ever outside of what was guaranteed? Thousands of simulated logs: honest.csv."""
+
+import io
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+import tyro
+from jaxtyping import Array, Bool, Float
+from tqdm import tqdm
+
+from experiments.linear_motor import simulated_logs
+from experiments.linear_motor.certificates import certified_floor
+from experiments.linear_motor.simulated_logs import Motions
+from experiments.processes import each
+from jaxid import linear_motor as motor
+from jaxid.estimate import Estimate, least_squares_estimate
+from jaxid.estimators import ESTIMATORS, Filtered, LeastSquares
+from jaxid.feasible_set import feasible_set
+from jaxid.files import write_bytes, write_table
+from jaxid.filters import filtered
+from jaxid.guarantee import identify_log
+from jaxid.log import Log, brackets
+from jaxid.log_rows import Logged, boxes, guaranteed
+from jaxid.report import text_table
+from jaxid.runtime import configure
+from jaxid.sensing import differenced_record, printed_record
+
+PROMISED = (
+    "modulating", *ESTIMATORS, "second_order_filter", "first_order_filter", "all_that_is_possible",
+)  # fmt: skip
+BARE = ("bare_as_printed", "bare_with_differences")  # (29) of a log, which promises nothing
+COLUMNS = (
+    "intervals", "parameter", "logs", "outside", "half_length_median", "half_length_most",
+    "median_over_floor", "most_over_floor",
+)  # fmt: skip
+USUAL = 500  # of the logs: the one motion, under cogging and friction
+
+Intervals = Mapping[str, tuple[Float[Array, " m"], Float[Array, " m"]]]
+
+
+@dataclass(frozen=True)
+class Honest:
+    """Intervals by every estimator from logs of random motors; goes on where it stopped.
+
+    Attributes:
+        out: the folder that honest.csv is written to, and blocks on the way.
+        motions: the folder with the trajectories of the study.
+        logs: how many; of these `USUAL` are of the one motion under cogging and friction.
+        seed: of the plants and forces.
+        processes: how many share the work; the results do not depend on it.
+        knots: of the modulating functions.
+        block: logs that are saved together.
+    """
+
+    out: Path = Path("figures")
+    motions: Path = Path("figures")
+    logs: int = 10_000
+    seed: int = 0
+    processes: int = 2
+    knots: int = 150
+    block: int = 50
+
+    @property
+    def folder(self) -> Path:
+        """The finished blocks of a run under way; one that asks for something else has another."""
+        return self.out / f"honest_{self.logs}_{self.seed}_{self.knots}_{self.block}.blocks"
+
+    def path(self, number: int) -> Path:
+        """Of a block."""
+        return self.folder / f"{number}.npz"
+
+    def members(self, number: int) -> range:
+        """The logs of a block."""
+        return range(number * self.block, min((number + 1) * self.block, self.logs))
+
+
+class Found(NamedTuple):
+    """Of n logs: truths, and the intervals of every kind, shapes (n, m) and (n, kinds, m)."""
+
+    usual: Bool[np.ndarray, " n"]
+    theta: Float[np.ndarray, "n m"]
+    lower: Float[np.ndarray, "n kinds m"]
+    upper: Float[np.ndarray, "n kinds m"]
+
+
+def main(options: Honest) -> None:
+    """Simulate what is missing, count, print."""
+    complete(options)
+    found = collected(options)
+    rows = list(table(found))
+    write_table(options.out / "honest.csv", COLUMNS, rows)
+    shutil.rmtree(options.folder)
+    shown = [[row[name] for name in COLUMNS] for row in rows]
+    print(text_table(COLUMNS, shown, f"{options.logs} simulated logs, seed {options.seed}"))
+
+
+def complete(options: Honest) -> None:
+    """Every block that is not there yet."""
+    numbers = range(-(-options.logs // options.block))
+    missing = [number for number in numbers if not options.path(number).exists()]
+    work = partial(save_block, options)
+    progress = tqdm(each(work, missing, options.processes), "blocks of logs", len(missing))
+    for _ in progress:
+        pass
+
+
+def save_block(options: Honest, number: int) -> None:
+    """Simulate and judge the logs of a block."""
+    found = judged(options, simulated_logs.read_motions(options.motions), options.members(number))
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **found._asdict())
+    write_bytes(options.path(number), buffer.getvalue())
+
+
+def judged(options: Honest, motions: Motions, members: range) -> Found:
+    """What every estimator says of some logs."""
+    usual = [number < USUAL for number in members]
+    scenarios = [
+        (simulated_logs.usual if typical else simulated_logs.mixed)(options.seed, number)
+        for number, typical in zip(members, usual, strict=True)
+    ]
+    found = [intervals(log, options.knots) for log in simulated_logs.logs(motions, scenarios)]
+    ends = [
+        np.array([[one[name][side] for name in (*PROMISED, *BARE)] for one in found])
+        for side in (0, 1)
+    ]
+    theta = np.array([scenario.theta for scenario in scenarios])
+    return Found(np.array(usual), theta, *ends)
+
+
+def intervals(log: Log, knots: int) -> Intervals:
+    """Of one log, by all estimators: those of `PROMISED` and of `BARE`."""
+    system = motor.system()
+    found = identify_log(system, log, knots)
+    others, bare = _others(found.logged, log)
+    left = feasible_set(found.logged, [found.estimate], knots)
+    return {
+        "modulating": (found.estimate.lower, found.estimate.upper),
+        "all_that_is_possible": (left.lower, left.upper),
+        **{name: (e.lower, e.upper) for name, e in others.items()},
+        **{name: (e.theta - e.bound, e.theta + e.bound) for name, e in bare.items()},
+    }
+
+
+@eqx.filter_jit
+def _others(logged: Logged, log: Log) -> tuple[dict[str, Estimate], dict[str, Estimate]]:
+    system, w, h = logged.system, motor.BANDWIDTH, motor.CONTROL_PERIOD
+    low_pass = Filtered(LeastSquares(), w, h)
+    ways = {name: (logged, estimator) for name, estimator in ESTIMATORS.items()}
+    ways["second_order_filter"] = (logged, Filtered(low_pass, w, h))
+    ways["first_order_filter"] = (boxes(system, log, brackets(system, log)), low_pass)
+    promised = {
+        name: guaranteed(rows, estimator(rows.record.rows, system.half_widths))
+        for name, (rows, estimator) in ways.items()
+    }
+    records = (
+        printed_record(motor.system(), log.input, log.position, w, h),
+        filtered(differenced_record(motor.system(), log.input, log.position, h), w, h),
+    )
+    bare = [least_squares_estimate(record, motor.system()) for record in records]
+    return promised, dict(zip(BARE, bare, strict=True))
+
+
+def collected(options: Honest) -> Found:
+    """All blocks, in order."""
+    numbers = range(-(-options.logs // options.block))
+    parts = [np.load(options.path(number)) for number in numbers]
+    return Found(*(np.concatenate([part[name] for part in parts]) for name in Found._fields))
+
+
+def table(found: Found) -> Iterator[dict[str, str | float | int]]:
+    """Counts and lengths by estimator and parameter; of the usual logs apart."""
+    floor = np.asarray(certified_floor())
+    theta = found.theta[:, None]
+    outside = (theta < found.lower) | (theta > found.upper)
+    half = (found.upper - found.lower) / 2
+    everything = np.ones_like(found.usual)
+    groups = [(name, kind, everything) for kind, name in enumerate((*PROMISED, *BARE))]
+    groups.insert(0, ("modulating_usual_logs", 0, found.usual))
+    for label, kind, logs in groups:
+        for k, name in enumerate(motor.system().names):
+            lengths = half[logs, kind, k]
+            yield {
+                "intervals": label,
+                "parameter": name,
+                "logs": len(lengths),
+                "outside": int(outside[logs, kind, k].sum()),
+                "half_length_median": float(np.median(lengths)),
+                "half_length_most": float(lengths.max()),
+                "median_over_floor": float(np.median(lengths) / floor[k]),
+                "most_over_floor": float(lengths.max() / floor[k]),
+            }
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Honest))

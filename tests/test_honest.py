@@ -1,0 +1,52 @@
+"""The promise itself: 500 simulated logs, and no truth outside of any guaranteed interval."""
+
+import numpy as np
+import pytest
+
+from experiments.linear_motor import honest, simulated_logs
+from experiments.linear_motor.honest import BARE, PROMISED, USUAL, Honest
+from jaxid.files import read_table
+
+QUICK = Honest(knots=75)
+FLOOR = np.array([0.003375, 0.158423, 0.166902, 0.15])
+
+
+@pytest.fixture(scope="module")
+def motions(figures):
+    return simulated_logs.read_motions(figures)
+
+
+@pytest.mark.parametrize("first", [USUAL - 125, USUAL, USUAL + 125, USUAL + 250])
+def test_no_truth_is_outside_of_what_was_guaranteed(motions, first):
+    """All estimators, motions and disturbances, random motors; (29) of a log is often wrong."""
+    found = honest.judged(QUICK, motions, range(first, first + 125))
+    theta, promised = found.theta[:, None], len(PROMISED)
+    outside = (theta < found.lower) | (theta > found.upper)
+    assert outside.shape == (125, promised + len(BARE), 4)
+    assert not np.any(outside[:, :promised])
+    printed = outside[:, promised + BARE.index("bare_as_printed"), 0]
+    assert np.mean(printed) > 0.9
+    half = (found.upper - found.lower) / 2
+    assert np.all(half[:, :promised] <= [0.05, 0.25, 0.25, 0.5])
+    if first < USUAL:  # twice as many knots guarantee 1.2 % more of M
+        assert np.all(np.median(half[:, 0], axis=0) <= FLOOR * [1.075, 1.015, 1.02, 1.01])
+
+
+def test_it_goes_on_where_it_stopped(tmp_path, figures, monkeypatch, capsys):
+    options = Honest(tmp_path, figures, logs=4, processes=1, knots=75, block=2)
+    honest.save_block(options, 0)
+    first = options.path(0).read_bytes()
+    made = []
+    save = honest.save_block
+    monkeypatch.setattr(
+        honest, "save_block", lambda o, number: (made.append(number), save(o, number))
+    )
+    honest.complete(options)
+    assert made == [1]
+    assert options.path(0).read_bytes() == first
+    honest.main(options)
+    assert made == [1]
+    rows = read_table(tmp_path / "honest.csv")
+    assert {row["logs"] for row in rows} == {"4"}
+    assert "4 simulated logs, seed 0" in capsys.readouterr().out
+    assert not options.folder.exists()
