@@ -69,7 +69,7 @@ from jaxid.experiment import design_guaranteed, design_motion, identify, log_of,
 from jaxid.feasible import InfeasibleError
 from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor, unlogged
 from jaxid.floor import Floor, floor
-from jaxid.guarantee import Guarantee, foreseen, identify_log
+from jaxid.guarantee import Guarantee, assumptions, foreseen, identify_log
 from jaxid.guaranteed_error import GuaranteedError
 from jaxid.limits import (
     Boundary,
@@ -133,6 +133,7 @@ __all__ = [
     "Via",
     "Viscous",
     "acceleration_limit",
+    "assumptions",
     "blind",
     "brackets",
     "cells",

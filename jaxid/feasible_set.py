@@ -147,7 +147,7 @@ def smallest_factor(rows: Callable[[Scalar], Logged], knots: int | None = None) 
     return high
 
 
-def louder(system: System, factor: Scalar) -> System:
+def louder(system: System, factor: Scalar | float) -> System:
     """The system with s·δ for its disturbance bound."""
     bound = Scaled(system.disturbance_bound, factor)
     return eqx.tree_at(lambda s: s.disturbance_bound, system, bound)

@@ -54,6 +54,30 @@ def identify_log(system: System, log: Log, knots: int = KNOTS) -> Guarantee:
     return Guarantee(found, logged)
 
 
+def assumptions(system: System, log: Log) -> tuple[str, ...]:
+    """What the intervals from a log rest on: sentences to print beside them.
+
+    Args:
+        system: with the prior box.
+        log: that was read.
+    """
+    length = "m" if system.coordinate == "linear" else "rad"
+    box = ", ".join(
+        f"{term.name} in [{float(low):g}, {float(high):g}] {term.unit}"
+        for term, low, high in zip(system.terms, system.lower, system.upper, strict=True)
+    )
+    most = system.disturbance_bound.describe(system.input_unit, f"{length}/s")
+    encoder = (
+        f"to {float(log.resolution) / 2:.4g} {length}" if float(log.resolution) > 0 else "exactly"
+    )
+    return (
+        f"The box: {box}.",
+        f"Everything unmodelled is at all times at most δ: {most}.",
+        f"The input acts as commanded, without delay, and is held for {float(log.period):g} s.",
+        f"The encoder reads the position at the beginning of each hold, {encoder}.",
+    )
+
+
 def foreseen(system: System, trajectory: JerkTrajectory, period: float, resolution: float) -> Log:
     """The log of an axis in the middle of its box that follows a motion, undisturbed.
 

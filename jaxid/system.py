@@ -140,6 +140,15 @@ class DisturbanceBound(eqx.Module):
     def range(self, position: Range, velocity: Range) -> Range:
         """All values of δ while position and velocity stay in their ranges; wider is allowed."""
 
+    def describe(self, unit: str, speed: str) -> str:
+        """What |Δ| is at most, in words.
+
+        Args:
+            unit: of the input.
+            speed: unit of ẏ.
+        """
+        return f"δ of {type(self).__name__}, in {unit}"
+
 
 class ConstantBound(DisturbanceBound):
     """One level at all positions and speeds."""
@@ -154,6 +163,9 @@ class ConstantBound(DisturbanceBound):
 
     def range(self, position: Range, velocity: Range) -> Range:
         return exactly(self(position.lower, velocity.lower))
+
+    def describe(self, unit: str, speed: str) -> str:
+        return f"{float(self.level):g} {unit}"
 
 
 class SpeedBand(DisturbanceBound, Kinked):
@@ -182,6 +194,12 @@ class SpeedBand(DisturbanceBound, Kinked):
         # monotone in |ẏ|
         return hull(*(exactly(self(position.lower, speed)) for speed in size(velocity)))
 
+    def describe(self, unit: str, speed: str) -> str:
+        return (
+            f"{float(self.slow):g} {unit} up to {float(self.threshold):g} {speed} and "
+            f"{float(self.fast):g} {unit} above"
+        )
+
     def softened(self, speed: Motion) -> "SpeedBand":
         return SpeedBand(self.slow, self.fast, self.threshold, self.blend + speed)
 
@@ -197,6 +215,9 @@ class Scaled(DisturbanceBound):
 
     def range(self, position: Range, velocity: Range) -> Range:
         return scaled(self.factor, self.bound.range(position, velocity))
+
+    def describe(self, unit: str, speed: str) -> str:
+        return f"{float(self.factor):g} times {self.bound.describe(unit, speed)}"
 
 
 class Term(eqx.Module):

@@ -14,7 +14,8 @@ from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares
 from jaxid.estimators import Filtered, LeastSquares
 from jaxid.experiment import log_of
 from jaxid.feasible import motion_space
-from jaxid.guarantee import identify_log
+from jaxid.feasible_set import louder
+from jaxid.guarantee import assumptions, identify_log
 from jaxid.log import Log, brackets
 from jaxid.log_rows import boxes, guaranteed, hats
 from jaxid.loop import random_parameters, vertices
@@ -294,3 +295,19 @@ def test_rounding_far_from_zero_is_part_of_the_bound(quiet):
     # each of a row's three readings, with its coefficient of 1, -2, 1
     allowed = 4 * np.max(other.channels["quantised ÿ"].bound) / most
     assert 0 < np.max(wrong) <= allowed
+
+
+def test_what_a_guarantee_rests_on_is_said(quiet):
+    """Box, δ, hold, delay and encoder, with their numbers and units."""
+    _, _, log = quiet
+    text = " ".join(assumptions(louder(motor.system(), 2.0), noisy(log, 0.0)))
+    for part in (
+        "M in [0.08, 0.18] V s²/m",
+        "2 times 0.25 V up to 0.1 m/s and 0.15 V above",
+        "without delay, and is held for 0.0002 s",
+        "to 1e-05 m.",
+    ):
+        assert part in text
+    level = assumptions(arm.system(), Log(log.input, log.position, H, 0.0))[1]
+    assert arm.system().input_unit in level
+    assert "exactly" in assumptions(motor.system(), log)[3]

@@ -191,7 +191,8 @@ def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[s
         write_table(study.out / f"{name}.csv", table.header, table.rows)
     certificate_figures.above_floor(study.out, worths, least)
     certificate_figures.possible(study.out, proof)
-    return [table.text(title) for table, title in made.values()]
+    rests = "\n".join(["These intervals rest on:", *(f"  {line}" for line in proof.assumptions)])
+    return [*(table.text(title) for table, title in made.values()), rests]
 
 
 LIMITS_TITLE = (

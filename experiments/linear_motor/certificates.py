@@ -14,7 +14,7 @@ from jaxid.estimators import ESTIMATORS
 from jaxid.experiment import design_guaranteed, log_of, run
 from jaxid.feasible_set import FeasibleSet, feasible_set, projection
 from jaxid.floor import floor
-from jaxid.guarantee import Guarantee, foreseen, identify_log
+from jaxid.guarantee import Guarantee, assumptions, foreseen, identify_log
 from jaxid.objective import planned_error
 from jaxid.problem import Task
 from jaxid.record import rows_of
@@ -45,11 +45,13 @@ class Proof(NamedTuple):
     """What the log of one experiment proves.
 
     Attributes:
+        assumptions: that all of it rests on.
         guarantee: by the weights that were best before the data.
         left: all that the data leave possible.
         projections: of the same, by pair of parameters.
     """
 
+    assumptions: tuple[str, ...]
     guarantee: Guarantee
     left: FeasibleSet
     projections: Mapping[tuple[str, str], Float[np.ndarray, "corners 2"]]
@@ -91,7 +93,8 @@ def experiment(motion: JerkTrajectory) -> Proof:
     """One run of the motion on the simulated motor, with its encoder, cogging and friction."""
     system, encoder = motor.system(), Encoder(motor.ENCODER_RESOLUTION)
     _, signals = run(motor.plant(), motor.controller(), encoder, motion, motor.CONTROL_PERIOD)
-    found = identify_log(system, log_of(signals, encoder, motor.CONTROL_PERIOD))
+    log = log_of(signals, encoder, motor.CONTROL_PERIOD)
+    found = identify_log(system, log)
     left = feasible_set(found.logged, [found.estimate], KNOTS)
     seen = {pair: projection(found.logged, *pair, KNOTS) for pair in PLANES}
-    return Proof(found, left, seen)
+    return Proof(assumptions(system, log), found, left, seen)
