@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest crosscheck bench bench-design test check clean
+.PHONY: reproduce sweep robust endtoend honest sensors crosscheck bench bench-design test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
@@ -23,6 +23,9 @@ endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; ho
 
 honest: $(READY)  ## intervals from 10,000 simulated logs beside the truths; goes on where it stopped
 	$(BIN)/python -m experiments.linear_motor.honest
+
+sensors: $(READY)  ## what a guarantee costs over encoder resolutions and servo periods; two minutes
+	$(BIN)/python -m experiments.linear_motor.sensors
 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 	$(BIN)/python -m experiments.linear_motor.crosscheck

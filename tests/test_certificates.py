@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from experiments.linear_motor import certificates
+from experiments.linear_motor import certificates, sensors
 from jaxid import linear_motor as motor
 from jaxid.files import read_table, read_trajectory
 from jaxid.limits import worst_excess
@@ -81,3 +81,22 @@ def test_a_run_of_the_motion_proves_what_the_table_says(motion, figures):
         columns = ("half_length", "possible_lower", "possible_upper")
         printed = [float(row[name]) for name in columns]
         np.testing.assert_allclose(jnp.stack(found), printed, rtol=1e-3, atol=1e-3)
+
+
+def test_what_other_sensors_cost_is_what_the_table_says(tmp_path, figures):
+    """Recomputed for one sensor; for all, modulating functions guarantee most."""
+    rows = read_table(figures / "sensors.csv")
+    options = sensors.Sensors(tmp_path, figures, toy=True)
+    sensors.main(options)
+    again = read_table(tmp_path / "toy_sensors.csv")
+    assert (tmp_path / "toy_sensors.png").exists()
+    keys = ("way", "period_s", "resolution_m", "parameter")
+    printed = {tuple(row[k] for k in keys): float(row["guaranteed"]) for row in rows}
+    assert len(printed) == 3 * 5 * 4 * 4
+    for row in again:
+        ours = float(row["guaranteed"])
+        assert printed[tuple(row[k] for k in keys)] == pytest.approx(ours, rel=1e-4)
+    floor = {row["parameter"]: float(row["floor"]) for row in rows}
+    for (way, period, resolution, name), value in printed.items():
+        assert value >= floor[name]
+        assert printed["modulating", period, resolution, name] <= value, way
