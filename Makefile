@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest sensors crosscheck bench bench-design test check clean
+.PHONY: reproduce sweep robust endtoend honest sensors sequential crosscheck bench bench-design test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
@@ -26,6 +26,9 @@ honest: $(READY)  ## intervals from 10,000 simulated logs beside the truths; goe
 
 sensors: $(READY)  ## what a guarantee costs over encoder resolutions and servo periods; two minutes
 	$(BIN)/python -m experiments.linear_motor.sensors
+
+sequential: $(READY)  ## three experiments, each for the box that the one before left; five minutes
+	$(BIN)/python -m experiments.linear_motor.sequential
 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 	$(BIN)/python -m experiments.linear_motor.crosscheck

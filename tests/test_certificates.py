@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from experiments.linear_motor import certificates, sensors
+from experiments.linear_motor import certificates, sensors, sequential
 from jaxid import linear_motor as motor
 from jaxid.files import read_table, read_trajectory
 from jaxid.limits import worst_excess
@@ -100,3 +100,32 @@ def test_what_other_sensors_cost_is_what_the_table_says(tmp_path, figures):
     for (way, period, resolution, name), value in printed.items():
         assert value >= floor[name]
         assert printed["modulating", period, resolution, name] <= value, way
+
+
+def test_each_round_knows_more_than_the_one_before(figures):
+    """Its intervals hold the truth, inside of those before; M's bound itself is narrower."""
+    rounds = {}
+    for row in read_table(figures / "sequential.csv"):
+        values = {name: float(x) for name, x in row.items() if name != "parameter"}
+        rounds[values["jerk_m_s3"], row["parameter"], values["round"]] = values
+    assert len(rounds) == 2 * 4 * 3
+    for (jerk, name, number), now in rounds.items():
+        assert now["lower"] <= now["possible_lower"] <= now["theta_true"]
+        assert now["theta_true"] <= now["possible_upper"] <= now["upper"]
+        assert now["bound"] >= now["floor"] * (1 - 1e-9)
+        if number > 1:
+            before = rounds[jerk, name, number - 1]
+            assert before["possible_lower"] <= now["lower"]
+            assert now["upper"] <= before["possible_upper"]
+            assert now["bound"] <= before["bound"]
+            assert name != "M" or now["bound"] < 0.95 * before["bound"]
+            assert now["acceleration_m_s2"] > before["acceleration_m_s2"]
+
+
+def test_the_rounds_run(tmp_path, capsys):
+    sequential.main(sequential.Sequential(tmp_path, toy=True))
+    rows = read_table(tmp_path / "toy_sequential.csv")
+    assert [row["round"] for row in rows] == ["1"] * 4 + ["2"] * 4
+    assert all(float(r["lower"]) <= float(r["theta_true"]) <= float(r["upper"]) for r in rows)
+    assert "acceleration_m_s2" in capsys.readouterr().out
+    assert (tmp_path / "toy_sequential.png").exists()
