@@ -18,7 +18,7 @@ sweep: $(READY)  ## J_f and tracking over horizons, bandwidths, gains and scenar
 robust: $(READY)  ## motions whose limits the axis itself keeps, sampled and proved; an hour, goes on motion by motion
 	$(BIN)/python -m experiments.linear_motor.robust
 
-endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; hours, goes on where it stopped
+endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; four hours, goes on where it stopped
 	$(BIN)/python -m experiments.linear_motor.endtoend
 
 honest: $(READY)  ## intervals from 10,000 simulated logs beside the truths; goes on where it stopped

@@ -125,6 +125,7 @@ def heat_map(
     number: str,
     highest: float = np.inf,
     logarithmic: bool = False,
+    ends: tuple[float, float] | None = None,
 ) -> None:
     """A table as numbers on colours, from the smallest value (dark) to the largest.
 
@@ -138,9 +139,11 @@ def heat_map(
         number: how to write one.
         highest: that is still in order.
         logarithmic: whether equal ratios are equal steps of colour.
+        ends: of the colours, for several maps alike; default the extremes of the values.
     """
     ordinary = values[np.isfinite(values) & (values <= highest)]
-    ends = (ordinary.min(), ordinary.max()) if ordinary.size else (1.0, 1.0)
+    if ends is None:
+        ends = (ordinary.min(), ordinary.max()) if ordinary.size else (1.0, 1.0)
     norm = (LogNorm if logarithmic else Normalize)(*ends)
     colours = colormaps["viridis"].with_extremes(over=ORANGE)
     shown = np.ma.masked_invalid(values)

@@ -1,6 +1,6 @@
 """Heat maps of what each stage of a design through filter and loop gains."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +29,9 @@ def study(path: Path, rows: Sequence[tables.Row]) -> None:
         cells = {
             (row["N"], row["w_rad_s"]): row[column] for row in rows if row["parameter"] == name
         }
-        values = np.array([[float(cells[n, w] or 0.0) for w in bandwidths] for n in horizons])
-        report.heat_map(panel, values, _text(horizons), _text(bandwidths), "{:.1f}")
+        values = _rounded([[cells[n, w] for w in bandwidths] for n in horizons])
+        names_of = _text(horizons), _text(bandwidths)
+        report.heat_map(panel, values, *names_of, "{:.1f}", ends=_ends(rows, dict(stages)))
         y = "horizon N" if title == stages[0][1] else ""
         x = "w (rad/s)" if name == names[-1] else ""
         report.label(panel, x, y, f"{title}: $J_f$ of {SYMBOLS[name]}, %")
@@ -43,12 +44,24 @@ def harder(path: Path, rows: Sequence[tables.Row]) -> None:
     canvas, panels = report.figure(1, len(names), (9.5, 3.6))
     for panel, name in zip(panels, names, strict=True):
         own = [row for row in rows if row["parameter"] == name]
-        values = np.array([[float(row[column] or 0.0) for column in CHANGES] for row in own])
+        values = _rounded([[row[column] for column in CHANGES] for row in own])
         settings = [str(row["setting"]) for row in own] if panel is panels[0] else [""] * len(own)
-        report.heat_map(panel, values, settings, list(CHANGES.values()), "{:.1f}")
+        columns = list(CHANGES.values())
+        report.heat_map(panel, values, settings, columns, "{:.1f}", ends=_ends(rows, CHANGES))
         report.label(panel, "", "", f"$J_f$ of {SYMBOLS[name]}, %")
         panel.tick_params(axis="x", rotation=30)
     report.save(canvas, path)
+
+
+def _rounded(cells: Sequence[Sequence[tables.Value]]) -> report.Array:
+    """As they are written: what is written as nothing has no colour of its own either."""
+    return np.round([[float(cell or 0.0) for cell in line] for line in cells], 1) + 0.0
+
+
+def _ends(rows: Sequence[tables.Row], columns: Mapping[str, str]) -> tuple[float, float]:
+    """Of the colours of all panels."""
+    values = _rounded([[row[column] for column in columns] for row in rows])
+    return float(values.min()), float(values.max())
 
 
 def _values(rows: Sequence[tables.Row], column: str) -> list[tables.Value]:
