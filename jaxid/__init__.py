@@ -87,7 +87,17 @@ from jaxid.problem import Problem, Task
 from jaxid.refine import refine
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.simulate import Plant
-from jaxid.system import Constant, ConstantBound, Coulomb, Sine, SpeedBand, System, Term, Viscous
+from jaxid.system import (
+    Constant,
+    ConstantBound,
+    Coulomb,
+    Custom,
+    Sine,
+    SpeedBand,
+    System,
+    Term,
+    Viscous,
+)
 from jaxid.tube import Tube, cells
 
 __all__ = [
@@ -98,6 +108,7 @@ __all__ = [
     "Constant",
     "ConstantBound",
     "Coulomb",
+    "Custom",
     "Design",
     "Effort",
     "Encoder",

@@ -45,11 +45,14 @@ class Floor(NamedTuple):
         value: no motion within the limits and no estimator can guarantee less, shape (k,).
         above: the proof cannot give more than this, shape (k,).
         dual: the ν that prove it, shape (k, m).
+        estimated: parameters whose regressors are a user's own, without bounds of their slopes: if
+            there are any, the floor is an estimate.
     """
 
     value: Float[Array, " k"]
     above: Float[Array, " k"]
     dual: Float[Array, "k m"]
+    estimated: tuple[str, ...] = ()
 
 
 def floor(system: System, limits: Limits, norm: Norm | None = None) -> Floor:
@@ -63,7 +66,8 @@ def floor(system: System, limits: Limits, norm: Norm | None = None) -> Floor:
     require_float64("system", system)
     functionals = np.eye(len(system.names)) if norm is None else np.asarray(norm.functionals)
     found = [_of_one(system, limits, c) for c in functionals]
-    return Floor(*(jnp.asarray(np.stack(column)) for column in zip(*found, strict=True)))
+    value, above, dual = (jnp.asarray(np.stack(column)) for column in zip(*found, strict=True))
+    return Floor(value, above, dual, system.estimated)
 
 
 def _of_one(system: System, limits: Limits, functional: Vector) -> tuple[float, float, Vector]:

@@ -70,11 +70,16 @@ def assumptions(system: System, log: Log) -> tuple[str, ...]:
     encoder = (
         f"to {float(log.resolution) / 2:.4g} {length}" if float(log.resolution) > 0 else "exactly"
     )
+    estimated = (
+        f"What multiplies {name} is estimated by samples: its slopes were not bounded."
+        for name in system.estimated
+    )
     return (
         f"The box: {box}.",
         f"Everything unmodelled is at all times at most δ: {most}.",
         f"The input acts as commanded, without delay, and is held for {float(log.period):g} s.",
         f"The encoder reads the position at the beginning of each hold, {encoder}.",
+        *estimated,
     )
 
 

@@ -9,7 +9,7 @@ has the other sign; the bound is symmetric, so nothing depends on that.
 """
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, TypeVar
 
 import equinox as eqx
@@ -18,13 +18,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid.checks import is_concrete, require, require_interval
-from jaxid.ranges import Range, exactly, hull, scaled, size
+from jaxid.ranges import Range, around, exactly, hull, plus, scaled, size
 
 Scalar = Float[Array, ""]
 Motion = Float[Array, "*shape"]
 Interval = Float[Array, "2"]
 Tree = TypeVar("Tree")
 Ends = Sequence[float] | Float[Array, "2"]
+
+
+_CELLS = 64  # per side, in which a user's own regressor is looked at for (18)
+_TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a range, if nothing is known of its slopes
 
 
 def as_interval(ends: Sequence[float] | Array) -> Array:
@@ -57,6 +61,65 @@ class Regressor(eqx.Module):
     @abc.abstractmethod
     def range(self, position: Range, velocity: Range) -> Range:
         """All values of f while position and velocity stay in their ranges; wider is allowed."""
+
+    @property
+    def proved(self) -> bool:
+        """Whether `range` really holds all values, or only those that were tried."""
+        return True
+
+
+class Custom(Regressor):
+    """A user's own f(y, ẏ), with bounds of its slopes or without.
+
+    Without them its values between any points are only estimated, by some that are tried, and what
+    rests on them is marked so.
+
+    Attributes:
+        function: of arrays of one shape.
+        slopes: |∂f/∂y| and |∂f/∂ẏ| at most, where f is used.
+    """
+
+    function: Callable[[Motion, Motion], Motion] = eqx.field(static=True)
+    slopes: Float[Array, "2"] | None = eqx.field(
+        converter=lambda slopes: None if slopes is None else as_interval(slopes), default=None
+    )
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        return self.function(position, velocity)
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        shares = jnp.linspace(0.0, 1.0, _CELLS + 1)
+        (y0, y1), (v0, v1) = (
+            (low + shares[:-1] * (high - low), low + shares[1:] * (high - low))
+            for low, high in (position, velocity)
+        )
+        cells = [
+            jnp.stack([x.ravel() for x in jnp.meshgrid(*pair)]) for pair in ((y0, v0), (y1, v1))
+        ]
+        values = self.range(*(Range(low, high) for low, high in zip(*cells, strict=True)))
+        return jnp.max(size(values).upper)
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        if self.slopes is not None:
+            (y, dy), (v, dv) = (
+                ((x.lower + x.upper) / 2, (x.upper - x.lower) / 2) for x in (position, velocity)
+            )
+            return plus(exactly(self(y, v)), around(self.slopes[0] * dy + self.slopes[1] * dv))
+        tried = [
+            exactly(
+                self(
+                    position.lower + s * (position.upper - position.lower),
+                    velocity.lower + t * (velocity.upper - velocity.lower),
+                )
+            )
+            for s in _TRIED
+            for t in _TRIED
+        ]
+        return hull(*tried)
+
+    @property
+    def proved(self) -> bool:
+        return self.slopes is not None
 
 
 class Viscous(Regressor):
@@ -298,6 +361,11 @@ class System(eqx.Module):
     def centre(self) -> Float[Array, " m"]:
         """The centre of Ω_θ."""
         return (self.upper + self.lower) / 2
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """The parameters whose regressors are bounded by samples only."""
+        return tuple(t.name for t in self.terms if t.regressor and not t.regressor.proved)
 
     def index(self, name: str) -> int:
         """The place of a parameter in θ."""
