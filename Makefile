@@ -36,7 +36,7 @@ crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 bench: $(BENCH)  ## how fast, compared with C and CasADi; under five minutes on an idle machine
 	$(BIN)/python -m experiments.bench
 
-bench-design: $(BENCH)  ## the design search beside IPOPT, cell by cell; ten minutes, goes on where it stopped
+bench-design: $(BENCH)  ## the design search beside IPOPT, cell by cell; 15 minutes, goes on where it stopped
 	$(BIN)/python -m experiments.bench.design_against_ipopt
 
 test: $(READY)  ## every promise
