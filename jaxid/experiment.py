@@ -28,6 +28,7 @@ from jaxid.trajectory import JerkTrajectory, reference, ticks
 # ones see what an instant at the threshold of δ is worth. Without the first the motor's M ends half
 # a per cent higher, without the last a third of one.
 _SMOOTHINGS = (1e-3, 3e-4, 1e-4, 3e-5)
+STEPS = 25  # linear programs, at most, for each of them
 
 
 class Outcome(NamedTuple):
@@ -81,7 +82,7 @@ def design_guaranteed(
     period: float,
     resolution: float,
     *,
-    steps: int = 25,
+    steps: int = STEPS,
     report: Report = lambda message: None,
 ) -> JerkTrajectory:
     """The motion whose log can be expected to guarantee most: the largest error over its target.

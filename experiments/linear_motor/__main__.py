@@ -20,6 +20,7 @@ from experiments.linear_motor import (
 from experiments.linear_motor.designs import INFINITY, STUDIED, Cell, trajectory_path
 from jaxid import linear_motor as motor
 from jaxid.design import Effort
+from jaxid.experiment import STEPS
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.objective import planned_error
 from jaxid.runtime import configure
@@ -52,7 +53,7 @@ class Study:
     @property
     def one_motion(self) -> Path:
         """The motion with the smallest guaranteed errors of all parameters."""
-        return self.out / "trajectory_minimax.csv"
+        return certificates.motion_path(self.out)
 
     @property
     def plants(self) -> int:
@@ -101,7 +102,7 @@ def search(study: Study) -> None:
                 write_trajectory(trajectory_path(study.out, result.cell), result.trajectory())
     start = read_trajectory(trajectory_path(study.out, Cell(INFINITY, certificates.HORIZON)))
     least = certificates.certified_floor()
-    motion = certificates.one_motion(start, least, 1 if study.toy else 25)
+    motion = certificates.one_motion(start, least, 1 if study.toy else STEPS)
     write_trajectory(study.one_motion, motion)
 
 

@@ -1,6 +1,7 @@
 """How good the designs are, and what one experiment proves: guaranteed errors, floor, set of θ."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,7 +12,7 @@ from jaxtyping import Array, Float
 from jaxid import linear_motor as motor
 from jaxid.bound import affine_worst_case_error
 from jaxid.estimators import ESTIMATORS
-from jaxid.experiment import design_guaranteed, log_of, run
+from jaxid.experiment import STEPS, design_guaranteed, log_of, run
 from jaxid.feasible_set import FeasibleSet, feasible_set, projection
 from jaxid.floor import floor
 from jaxid.guarantee import Guarantee, assumptions, foreseen, identify_log
@@ -57,12 +58,19 @@ class Proof(NamedTuple):
     projections: Mapping[tuple[str, str], Float[np.ndarray, "corners 2"]]
 
 
+def motion_path(folder: Path) -> Path:
+    """Where the one motion for all parameters is kept."""
+    return folder / "trajectory_minimax.csv"
+
+
 def certified_floor() -> Float[Array, " m"]:
     """Of the motor under its limits."""
     return floor(motor.system(), motor.limits()).value
 
 
-def one_motion(start: JerkTrajectory, least: Float[Array, " m"], steps: int = 25) -> JerkTrajectory:
+def one_motion(
+    start: JerkTrajectory, least: Float[Array, " m"], steps: int = STEPS
+) -> JerkTrajectory:
     """Good for all parameters at once, from the motion that is best for least squares."""
     task = Task(motor.limits(), motor.boundary(), start.jerk.size, motor.KNOT_PERIOD)
     servo = motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION

@@ -1,5 +1,6 @@
 """Is any truth ever outside of what was guaranteed? Thousands of simulated logs: honest.csv."""
 
+import hashlib
 import io
 import shutil
 from collections.abc import Iterator, Mapping
@@ -26,7 +27,7 @@ from jaxid.files import write_bytes, write_table
 from jaxid.filters import filtered
 from jaxid.guarantee import identify_log
 from jaxid.log import Log, brackets
-from jaxid.log_rows import Logged, boxes, guaranteed
+from jaxid.log_rows import boxes, guaranteed, hats
 from jaxid.report import text_table
 from jaxid.runtime import configure
 from jaxid.sensing import differenced_record, printed_record
@@ -68,8 +69,12 @@ class Honest:
 
     @property
     def folder(self) -> Path:
-        """The finished blocks of a run under way; one that asks for something else has another."""
-        return self.out / f"honest_{self.logs}_{self.seed}_{self.knots}_{self.block}.blocks"
+        """The finished blocks of a run under way; one of other motions or options has another."""
+        asked = repr((self.logs, self.seed, self.knots, self.block)).encode()
+        digest = hashlib.sha256(asked)
+        for path in simulated_logs.paths(self.motions):
+            digest.update(path.read_bytes())
+        return self.out / f"honest_{digest.hexdigest()[:16]}.blocks"
 
     def path(self, number: int) -> Path:
         """Of a block."""
@@ -135,36 +140,36 @@ def judged(options: Honest, motions: Motions, members: range) -> Found:
 
 
 def intervals(log: Log, knots: int) -> Intervals:
-    """Of one log, by all estimators: those of `PROMISED` and of `BARE`."""
-    system = motor.system()
-    found = identify_log(system, log, knots)
-    others, bare = _others(found.logged, log)
+    """Of one log, by all estimators: those of `PROMISED` and of `BARE`.
+
+    Each is θ̂ ± bound, without the box: it may not be what keeps a truth inside.
+    """
+    found = identify_log(motor.system(), log, knots)
     left = feasible_set(found.logged, [found.estimate], knots)
-    return {
-        "modulating": (found.estimate.lower, found.estimate.upper),
-        "all_that_is_possible": (left.lower, left.upper),
-        **{name: (e.lower, e.upper) for name, e in others.items()},
-        **{name: (e.theta - e.bound, e.theta + e.bound) for name, e in bare.items()},
-    }
+    estimates = {"modulating": found.estimate, **_others(log)}
+    ends = {name: (e.theta - e.bound, e.theta + e.bound) for name, e in estimates.items()}
+    return ends | {"all_that_is_possible": (left.lower, left.upper)}
 
 
 @eqx.filter_jit
-def _others(logged: Logged, log: Log) -> tuple[dict[str, Estimate], dict[str, Estimate]]:
-    system, w, h = logged.system, motor.BANDWIDTH, motor.CONTROL_PERIOD
-    low_pass = Filtered(LeastSquares(), w, h)
-    ways = {name: (logged, estimator) for name, estimator in ESTIMATORS.items()}
-    ways["second_order_filter"] = (logged, Filtered(low_pass, w, h))
-    ways["first_order_filter"] = (boxes(system, log, brackets(system, log)), low_pass)
+def _others(log: Log) -> dict[str, Estimate]:
+    """All that need no linear program, from a single reading of the log with the prior box."""
+    system, w, h = motor.system(), motor.BANDWIDTH, motor.CONTROL_PERIOD
+    found, low_pass = brackets(system, log), Filtered(LeastSquares(), w, h)
+    rows = hats(system, log, found)
+    ways = {name: (rows, estimator) for name, estimator in ESTIMATORS.items()}
+    ways["second_order_filter"] = (rows, Filtered(low_pass, w, h))
+    ways["first_order_filter"] = (boxes(system, log, found), low_pass)
     promised = {
-        name: guaranteed(rows, estimator(rows.record.rows, system.half_widths))
-        for name, (rows, estimator) in ways.items()
+        name: guaranteed(logged, estimator(logged.record.rows, system.half_widths))
+        for name, (logged, estimator) in ways.items()
     }
     records = (
-        printed_record(motor.system(), log.input, log.position, w, h),
-        filtered(differenced_record(motor.system(), log.input, log.position, h), w, h),
+        printed_record(system, log.input, log.position, w, h),
+        filtered(differenced_record(system, log.input, log.position, h), w, h),
     )
-    bare = [least_squares_estimate(record, motor.system()) for record in records]
-    return promised, dict(zip(BARE, bare, strict=True))
+    bare = [least_squares_estimate(record, system) for record in records]
+    return promised | dict(zip(BARE, bare, strict=True))
 
 
 def collected(options: Honest) -> Found:

@@ -12,7 +12,8 @@ import tyro
 from jaxtyping import Float
 from tqdm import tqdm
 
-from experiments.linear_motor.certificates import certified_floor
+from experiments.linear_motor.certificates import certified_floor, motion_path
+from experiments.linear_motor.designs import STUDIED
 from experiments.linear_motor.figures import SYMBOLS
 from jaxid import linear_motor as motor
 from jaxid import report
@@ -30,7 +31,6 @@ RESOLUTIONS = (0.05e-6, 0.5e-6, 5e-6, 50e-6)  # m
 PERIODS = (0.0001, 0.0002, 0.0005, 0.001, 0.002)  # s
 BANDWIDTHS = tuple(float(w) for w in np.geomspace(30.0, 10_000.0, 11).round())  # rad/s
 COLUMNS = ("way", "period_s", "resolution_m", "parameter", "guaranteed", "floor", "prior")
-STUDIED = ("M", "B", "Fc")
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def main(options: Sensors) -> None:
 def costs(options: Sensors) -> Iterator[dict[str, Cell]]:
     """What each way guarantees for each parameter and sensor; with filters, at the best w each."""
     system, least = motor.system(), certified_floor()
-    motion = read_trajectory(options.motions / "trajectory_minimax.csv")
+    motion = read_trajectory(motion_path(options.motions))
     whole = [(period, resolution) for period in PERIODS for resolution in RESOLUTIONS]
     usual = [(motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)]
     for period, resolution in tqdm(usual if options.toy else whole, "sensors"):

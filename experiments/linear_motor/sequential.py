@@ -21,7 +21,7 @@ from jaxid import report
 from jaxid.bound import infinity
 from jaxid.control import ARC
 from jaxid.design import Effort
-from jaxid.experiment import design_guaranteed, design_motion, log_of, run
+from jaxid.experiment import STEPS, design_guaranteed, design_motion, log_of, run
 from jaxid.feasible_set import FeasibleSet, feasible_set
 from jaxid.files import Cell, write_table
 from jaxid.floor import floor
@@ -121,7 +121,7 @@ def designed(
     start = design_motion(system, task, infinity(system.half_widths), key, effort=effort)
     targets = jnp.asarray(ALLOWED) * least
     servo = motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION
-    steps = 1 if toy else 25
+    steps = 1 if toy else STEPS
     return design_guaranteed(system, task, targets, start.trajectory, *servo, steps=steps)
 
 

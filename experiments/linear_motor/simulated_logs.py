@@ -1,5 +1,6 @@
 """Logs that random motors leave along the designs of the study, disturbed in every way."""
 
+import functools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from experiments.linear_motor.certificates import HORIZON, motion_path
 from experiments.linear_motor.designs import INFINITY, STUDIED, Cell, trajectory_path
 from jaxid import linear_motor as motor
 from jaxid.disturbance import AgainstTracking, Mixture, Sequence, random_shares
@@ -20,7 +22,6 @@ from jaxid.sensing import Encoder
 from jaxid.simulate import Plant, simulate
 from jaxid.trajectory import JerkTrajectory, reference, ticks
 
-HORIZON = 30
 ONE_MOTION = "one_motion"
 MOTIONS = (ONE_MOTION, *STUDIED, INFINITY)
 # nothing, the motor's own, an independent force at every tick, and at the bound δ two adversaries:
@@ -54,10 +55,16 @@ class Motions(NamedTuple):
     against: Float[Array, "motions m ticks"]
 
 
+def paths(folder: Path) -> list[Path]:
+    """The files of `MOTIONS`."""
+    others = [trajectory_path(folder, Cell(name, HORIZON)) for name in MOTIONS[1:]]
+    return [motion_path(folder), *others]
+
+
+@functools.cache
 def read_motions(folder: Path) -> Motions:
-    """Those of `MOTIONS`, from the files of the study."""
-    paths = [trajectory_path(folder, Cell(name, HORIZON)) for name in MOTIONS[1:]]
-    motions = [read_trajectory(path) for path in (folder / "trajectory_minimax.csv", *paths)]
+    """Those of `MOTIONS`, from the files of the study; read once by a process."""
+    motions = [read_trajectory(path) for path in paths(folder)]
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *motions)
     return Motions(stacked, jnp.stack([_against(motion) for motion in motions]))
 
