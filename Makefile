@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest sensors sequential crosscheck bench bench-design test check clean
+.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm crosscheck bench bench-design test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
@@ -24,11 +24,17 @@ endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; fo
 honest: $(READY)  ## intervals from 10,000 simulated logs beside the truths; goes on where it stopped
 	$(BIN)/python -m experiments.linear_motor.honest
 
+compare: $(READY)  ## chirps, multisines and other excitations, each optimised, beside ours; six minutes
+	$(BIN)/python -m experiments.linear_motor.compare
+
 sensors: $(READY)  ## what a guarantee costs over encoder resolutions and servo periods; two minutes
 	$(BIN)/python -m experiments.linear_motor.sensors
 
 sequential: $(READY)  ## three experiments, each for the box that the one before left; five minutes
 	$(BIN)/python -m experiments.linear_motor.sequential
+
+arm: $(READY)  ## the second axis: designs, how good they are, and what one run proves; three minutes
+	$(BIN)/python -m experiments.one_link_arm
 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 	$(BIN)/python -m experiments.linear_motor.crosscheck

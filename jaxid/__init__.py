@@ -12,64 +12,78 @@ says which room may import from which; it is tested, and so is that nobody impor
 
     checks <- -
     ranges <- -
-    system <- checks, ranges
-    trajectory <- checks, system
-    limits <- checks, ranges, system, trajectory
+    quantities <- -
+    regressors <- quantities, ranges
+    disturbance_bounds <- checks, quantities, ranges, regressors
+    system <- checks, disturbance_bounds, quantities, ranges, regressors
+    trajectory <- checks, quantities
+    limits <- checks, quantities, ranges, system, trajectory
     feasible <- checks, limits, trajectory
     starts <- feasible
-    problem <- limits, system, trajectory
-    admissible <- checks, feasible, problem, system, trajectory
+    problem <- limits, quantities, trajectory
+    admissible <- checks, feasible, problem, quantities, trajectory
     axis_conditions <- feasible, limits, ranges, system, trajectory
     linear_programs <- feasible
-    descent <- feasible, problem, system
-    dwells <- feasible, limits, problem, system
-    polish <- admissible, axis_conditions, feasible, linear_programs, problem, system, trajectory
-    design <- admissible, descent, dwells, feasible, polish, problem, starts, system, trajectory
-    refine <- admissible, axis_conditions, feasible, polish, problem, system, trajectory
+    descent <- problem, quantities, trajectory
+    dwells <- feasible, limits, problem, quantities
+    polish <- admissible, axis_conditions, feasible, linear_programs, problem, quantities, \
+trajectory
+    design <- admissible, descent, dwells, feasible, polish, problem, quantities, starts, trajectory
+    refine <- admissible, axis_conditions, feasible, polish, problem, quantities, trajectory
     record <- system, trajectory
-    bound <- checks, record, system
-    minimax <- bound, checks, record, system
+    bound <- checks, quantities, record
+    minimax <- bound, checks, quantities, record, system
     floor <- bound, checks, limits, ranges, system
-    filters <- record, system
-    estimators <- bound, filters, minimax, record, system
-    sensing <- filters, record, system, trajectory
-    disturbance <- system
-    control <- checks, sensing, system, trajectory
-    tube <- checks, control, limits, ranges, sensing, system, trajectory
-    simulate <- control, disturbance, record, sensing, system, trajectory
-    loop <- control, disturbance, limits, ranges, record, sensing, simulate, system, trajectory
-    adversary <- disturbance, limits, loop, simulate, system, trajectory
-    objective <- bound, filters, loop, record, simulate, system, trajectory
+    filters <- quantities, record
+    estimators <- bound, filters, minimax, quantities, record
+    sensing <- filters, quantities, record, system, trajectory
+    disturbance <- quantities
+    control <- checks, quantities, sensing, system, trajectory
+    tube <- checks, control, limits, quantities, ranges, sensing, system, trajectory
+    simulate <- control, disturbance, quantities, record, sensing, system, trajectory
+    loop <- control, disturbance, limits, quantities, ranges, record, sensing, simulate, system, \
+trajectory
+    adversary <- disturbance, limits, loop, quantities, simulate, system, trajectory
+    objective <- bound, filters, loop, quantities, record, simulate, system, trajectory
     excitation <- -
     estimate <- bound, record, system
-    log <- checks, ranges, system
-    log_rows <- estimate, log, ranges, record, system
+    log <- checks, quantities, ranges, system
+    log_rows <- estimate, log, quantities, ranges, record, regressors, system
     modulating <- bound, log_rows
-    feasible_set <- checks, estimate, log_rows, modulating, record, system
-    guarantee <- checks, estimate, log, log_rows, modulating, system, trajectory
-    guaranteed_error <- bound, guarantee, log, log_rows, modulating, ranges, system, trajectory
-    experiment <- admissible, bound, checks, control, design, estimate, filters, guarantee, \
+    feasible_set <- checks, disturbance_bounds, estimate, log_rows, modulating, quantities, \
+record, system
+    guarantee <- checks, estimate, log, log_rows, modulating, system
+    foresight <- control, disturbance, log, loop, quantities, sensing, simulate, system, trajectory
+    guaranteed_error <- bound, disturbance_bounds, foresight, guarantee, log, log_rows, \
+modulating, quantities, ranges, system, trajectory
+    appraisal <- floor, foresight, guarantee, objective, system, trajectory
+    experiment <- admissible, bound, checks, control, design, estimate, filters, foresight, \
 guaranteed_error, log, objective, polish, problem, record, sensing, simulate, system, trajectory
     files <- checks, trajectory
     blocks <- checks, files
-    sweep <- checks, control, disturbance, estimate, feasible, filters, record, sensing, \
-simulate, system, trajectory
+    sweep <- checks, control, disturbance, estimate, feasible, filters, quantities, record, \
+sensing, simulate, system, trajectory
     dataset <- files, sweep
     report <- files, trajectory
     runtime <- checks
-    linear_motor <- control, disturbance, limits, simulate, system
-    one_link_arm <- disturbance, limits, simulate, system
+    linear_motor <- control, disturbance, disturbance_bounds, foresight, limits, regressors, \
+simulate, system
+    one_link_arm <- control, disturbance, disturbance_bounds, foresight, limits, regressors, \
+simulate, system
 """
 
+from jaxid.appraisal import Appraisal, appraise
 from jaxid.control import ARC, OpenLoop, PDFeedforward
 from jaxid.design import Design, Effort, design
+from jaxid.disturbance_bounds import ConstantBound, SpeedBand
 from jaxid.estimate import Estimate, estimate
 from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
 from jaxid.experiment import design_guaranteed, design_motion, identify, log_of, run
 from jaxid.feasible import InfeasibleError
 from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor, unlogged
 from jaxid.floor import Floor, floor
-from jaxid.guarantee import Guarantee, assumptions, foreseen, identify_log
+from jaxid.foresight import Servo, foreseen
+from jaxid.guarantee import Guarantee, assumptions, identify_log
 from jaxid.guaranteed_error import GuaranteedError
 from jaxid.limits import (
     Boundary,
@@ -85,24 +99,16 @@ from jaxid.minimax import Optimum, minimax
 from jaxid.objective import FilteredError, ThroughLoop, planned_error
 from jaxid.problem import Problem, Task
 from jaxid.refine import refine
+from jaxid.regressors import Constant, Coulomb, Custom, Sine, Viscous
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.simulate import Plant
-from jaxid.system import (
-    Constant,
-    ConstantBound,
-    Coulomb,
-    Custom,
-    Sine,
-    SpeedBand,
-    System,
-    Term,
-    Viscous,
-)
+from jaxid.system import System, Term
 from jaxid.tube import Tube, cells
 
 __all__ = [
     "ARC",
     "ESTIMATORS",
+    "Appraisal",
     "Boundary",
     "Brackets",
     "Constant",
@@ -134,6 +140,7 @@ __all__ = [
     "Problem",
     "Sampled",
     "Scenarios",
+    "Servo",
     "Sine",
     "SpeedBand",
     "System",
@@ -144,6 +151,7 @@ __all__ = [
     "Via",
     "Viscous",
     "acceleration_limit",
+    "appraise",
     "assumptions",
     "blind",
     "brackets",

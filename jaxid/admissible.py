@@ -11,7 +11,7 @@ from jaxtyping import Array
 from jaxid.checks import require
 from jaxid.feasible import InfeasibleError, interior
 from jaxid.problem import Problem
-from jaxid.system import Scalar
+from jaxid.quantities import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 # half-widths: whoever recomputes the extrema in another order still finds the limits kept

@@ -8,8 +8,9 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from jaxid.disturbance import Sequence
 from jaxid.limits import Limits
 from jaxid.loop import Loop, Scenarios, random_forces, random_parameters
+from jaxid.quantities import Scalar
 from jaxid.simulate import Plant
-from jaxid.system import Scalar, System
+from jaxid.system import System
 from jaxid.trajectory import JerkTrajectory
 
 _ROUNDS = 6  # of sign steps: a loop that tracks well is nearly linear in Δ, and one nearly suffices

@@ -7,11 +7,12 @@ Without G Φ = I it is affine about the centre of the prior box, which then adds
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid.checks import is_concrete, require
+from jaxid.quantities import Scalar, dot
 from jaxid.record import Rows
-from jaxid.system import Scalar, dot
 
 
 def information(rows: Rows) -> Float[Array, "m m"]:
@@ -114,8 +115,11 @@ def individual(index: int, count: int) -> Norm:
 
 
 def infinity(scale: Float[Array, " m"]) -> Norm:
-    """The ∞ norm of (13), each parameter divided by its own scale so that units do not matter."""
-    return Norm(jnp.diag(1 / jnp.asarray(scale)))
+    """The ∞ norm of (13), each parameter divided by its own scale so that units do not matter.
+
+    A parameter of infinite scale is left out.
+    """
+    return Norm(jnp.diag(1 / jnp.asarray(scale))[np.isfinite(scale)])
 
 
 def require_informative(rows: Rows, names: tuple[str, ...], scale: Float[Array, " m"]) -> None:

@@ -12,8 +12,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxid.checks import is_concrete, require
+from jaxid.quantities import Scalar, dot
 from jaxid.sensing import Measurement
-from jaxid.system import Scalar, System, dot
+from jaxid.system import System
 from jaxid.trajectory import States
 
 

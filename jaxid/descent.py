@@ -1,6 +1,6 @@
 """Gradient descent of many starts together, by Adam on an augmented Lagrangian."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -8,12 +8,21 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float
 
-from jaxid.feasible import MotionSpace
 from jaxid.problem import Multipliers, Problem
-from jaxid.system import Scalar
+from jaxid.quantities import Scalar
+from jaxid.trajectory import JerkTrajectory
 
 LAST_SMOOTHING = 0.0003  # of the objective's corners
 _HALVING_SMOOTHING = 0.001  # where unfinished motions are compared
+
+
+@runtime_checkable
+class Chart(Protocol):
+    """Motions by numbers of order one: a `MotionSpace`, or a family with less freedom."""
+
+    def trajectory(self, z: Float[Array, " d"]) -> JerkTrajectory:
+        """The motion with these numbers."""
+        ...
 
 
 class Stage(NamedTuple):
@@ -50,7 +59,7 @@ def stages(count: int) -> list[Stage]:
 
 
 def descend(
-    problem: Problem, space: MotionSpace, z: Float[Array, "starts d"], count: int, steps: int
+    problem: Problem, space: Chart, z: Float[Array, "starts d"], count: int, steps: int
 ) -> Float[Array, "survivors d"]:
     """All starts through the stages; before each stage but the first, the worse half is given up.
 
@@ -60,7 +69,7 @@ def descend(
 
     Args:
         problem: its limits as penalties; what remains of a violation is left to `walk`.
-        space: of the motions.
+        space: of the motions, a pytree.
         z: coordinates of the starts.
         count: of stages.
         steps: of gradient descent per stage.
@@ -86,14 +95,12 @@ def _batches(lanes: _Lanes) -> list[_Lanes]:
 
 
 @eqx.filter_jit
-def _merits(
-    problem: Problem, space: MotionSpace, z: Float[Array, "starts d"]
-) -> Float[Array, " starts"]:
+def _merits(problem: Problem, space: Chart, z: Float[Array, "starts d"]) -> Float[Array, " starts"]:
     return jax.vmap(lambda z: problem.merit(space.trajectory(z), _HALVING_SMOOTHING))(z)
 
 
 @eqx.filter_jit
-def _stage(problem: Problem, space: MotionSpace, lanes: _Lanes, stage: Stage, steps: int) -> _Lanes:
+def _stage(problem: Problem, space: Chart, lanes: _Lanes, stage: Stage, steps: int) -> _Lanes:
     method = optax.adam(optax.linear_schedule(stage.step, 0.02 * stage.step, steps), b2=0.99)
 
     def lagrangian(z: Float[Array, " d"], multipliers: Multipliers) -> Scalar:

@@ -16,10 +16,10 @@ from jaxid.admissible import inside, walk
 from jaxid.descent import LAST_SMOOTHING, descend
 from jaxid.dwells import evolved
 from jaxid.feasible import MotionSpace, motion_space, trimmed
-from jaxid.polish import polish
+from jaxid.polish import SMOOTHINGS, polish
 from jaxid.problem import Objective, Problem, Task
+from jaxid.quantities import Scalar
 from jaxid.starts import grown, random_starts, rearranged
-from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 Report = Callable[[str], None]
@@ -41,6 +41,7 @@ class Effort(NamedTuple):
         parents: how many of the best are rearranged.
         polished: how many of the best are polished by linear programs.
         polish_steps: linear programs per polish and smoothing.
+        smoothings: of the objective in a polish.
     """
 
     starts: int = 64
@@ -52,6 +53,7 @@ class Effort(NamedTuple):
     parents: int = 8
     polished: int = 2
     polish_steps: int = 40
+    smoothings: tuple[float, ...] = SMOOTHINGS
 
 
 class Design(NamedTuple):
@@ -144,7 +146,7 @@ def _polished(
     polished = []
     for k in range(min(effort.polished, pool.values.size)):
         report(f"polish {k + 1} of {effort.polished}")
-        motion = polish(problem, deep, _pick(pool, k), effort.polish_steps)
+        motion = polish(problem, deep, _pick(pool, k), effort.polish_steps, effort.smoothings)
         reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
         polished.append((float(reached), k, motion))
         show(motion)

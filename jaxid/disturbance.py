@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from jaxid.system import Scalar, dot
+from jaxid.quantities import Scalar, dot
 
 
 class Moment(NamedTuple):

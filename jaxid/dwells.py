@@ -15,10 +15,10 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jaxid.feasible import MotionSpace
 from jaxid.limits import Limits
 from jaxid.problem import Problem
-from jaxid.system import Scalar
+from jaxid.quantities import Scalar
 
 # dwells per motion, motions per population, and populations per batch
-_DWELLS, _MEMBERS, _POPULATIONS = 7, 12, 8
+_DWELLS, MEMBERS, _POPULATIONS = 7, 12, 8
 # uniform numbers that a child is made from: drawn together, since every draw costs compilation
 _CHOICES = 8 + _DWELLS
 # corners that evolution does not see: the descent that follows begins with the same
@@ -69,7 +69,7 @@ def _evolve(
 
     def merits(dwells: Dwells) -> Float[Array, "populations members"]:
         flat = jax.tree.map(lambda x: x.reshape(-1, _DWELLS), dwells)
-        return jax.lax.map(merit, flat, batch_size=16).reshape(count, _MEMBERS)
+        return jax.lax.map(merit, flat, batch_size=16).reshape(count, MEMBERS)
 
     def generation(
         carry: tuple[Dwells, Float[Array, "populations members"]], key: PRNGKeyArray
@@ -77,9 +77,9 @@ def _evolve(
         """Each member, or a better one of its population, has a child that may replace it."""
         members, values = carry
         u = jax.random.uniform(key, (*values.shape, 2 + _CHOICES))
-        met, mate = jnp.moveaxis(_choice(u[..., :2], _MEMBERS), -1, 0)
+        met, mate = jnp.moveaxis(_choice(u[..., :2], MEMBERS), -1, 0)
         better = jnp.take_along_axis(values, met, axis=1) < values
-        own = jnp.broadcast_to(jnp.arange(_MEMBERS), values.shape)
+        own = jnp.broadcast_to(jnp.arange(MEMBERS), values.shape)
         parents = _take(members, jnp.where(better, met, own))
         vary = jax.vmap(jax.vmap(_child, (0, 0, 0, None)), (0, 0, 0, None))
         children = vary(u[..., 2:], parents, _take(members, mate), limits)
@@ -92,9 +92,9 @@ def _evolve(
         return (kept, jnp.minimum(reached, values)), None
 
     keys = jax.random.split(key, generations + 1)
-    u = jax.random.uniform(keys[0], (4, count, _MEMBERS, _DWELLS))
+    u = jax.random.uniform(keys[0], (4, count, MEMBERS, _DWELLS))
     members = Dwells(_random_speed(u[0], u[1], u[2], limits), -jnp.log1p(-u[3]))
-    unknown = jnp.full((count, _MEMBERS), jnp.inf)  # so that every first child is taken
+    unknown = jnp.full((count, MEMBERS), jnp.inf)  # so that every first child is taken
     (members, values), _ = jax.lax.scan(generation, (members, unknown), keys[1:])
     best = _take(members, jnp.argmin(values, axis=1)[:, None])
     return jax.vmap(lambda one: coordinates(jax.tree.map(lambda x: x[0], one)))(best)

@@ -15,8 +15,8 @@ from jaxtyping import Array, Float
 from jaxid.bound import Norm, least_squares
 from jaxid.filters import adjoint, filtered_rows
 from jaxid.minimax import minimax
+from jaxid.quantities import Scalar
 from jaxid.record import Rows
-from jaxid.system import Scalar
 
 
 class Estimator(eqx.Module):

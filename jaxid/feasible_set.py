@@ -20,11 +20,13 @@ from jaxtyping import Array, Float
 from scipy.optimize import linprog
 
 from jaxid.checks import require
+from jaxid.disturbance_bounds import Scaled
 from jaxid.estimate import Estimate
 from jaxid.log_rows import ROUNDED, Logged
 from jaxid.modulating import Program
+from jaxid.quantities import Scalar
 from jaxid.record import Record
-from jaxid.system import Scalar, Scaled, System
+from jaxid.system import System
 
 _DIRECTIONS = 48  # of a projection
 _FACTORS = (1e-3, 1e3)  # of δ that are looked at

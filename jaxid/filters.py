@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from jaxid.quantities import Scalar
 from jaxid.record import Record, Rows
-from jaxid.system import Scalar
 
 
 def low_pass(

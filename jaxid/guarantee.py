@@ -10,8 +10,7 @@ from jaxid.estimate import Estimate
 from jaxid.log import Log, brackets
 from jaxid.log_rows import Logged, guaranteed, hats
 from jaxid.modulating import KNOTS, modulating
-from jaxid.system import Scalar, System, dot
-from jaxid.trajectory import JerkTrajectory, ticks
+from jaxid.system import System
 
 # of reading the log with the box that the round before left; a third one gains nothing
 ROUNDS = 2
@@ -81,32 +80,6 @@ def assumptions(system: System, log: Log) -> tuple[str, ...]:
         f"The encoder reads the position at the beginning of each hold, {encoder}.",
         *estimated,
     )
-
-
-def foreseen(system: System, trajectory: JerkTrajectory, period: float, resolution: float) -> Log:
-    """The log of an axis in the middle of its box that follows a motion, undisturbed.
-
-    What it guarantees is what the motion can be expected to: the weights hardly depend on where in
-    the box the axis is, or on what disturbs it.
-
-    Args:
-        system: for the middle of its box.
-        trajectory: the motion.
-        period: of the servo, s; it divides the duration.
-        resolution: of the encoder, m or rad; the positions here are exact.
-    """
-    return foreseen_log(
-        system, trajectory, jnp.asarray(period), ticks(trajectory, period), jnp.asarray(resolution)
-    )
-
-
-def foreseen_log(
-    system: System, trajectory: JerkTrajectory, period: Scalar, count: int, resolution: Scalar
-) -> Log:
-    """`foreseen`, of a known number of ticks."""
-    position = trajectory.states(jnp.arange(count + 1) * period).position
-    states = trajectory.states((jnp.arange(count) + 0.5) * period)
-    return Log(dot(system.regressors(*states), system.centre), position, period, resolution)
 
 
 def narrowed(system: System, found: Estimate) -> System:

@@ -15,12 +15,15 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from jaxid.bound import affine_worst_case_error, bias
-from jaxid.guarantee import foreseen_log
+from jaxid.disturbance_bounds import Cautious
+from jaxid.foresight import Foresight, Servo, foreseen
+from jaxid.guarantee import identify_log, narrowed
 from jaxid.log import Brackets, brackets
 from jaxid.log_rows import Logged, hats
 from jaxid.modulating import optimal
+from jaxid.quantities import Scalar
 from jaxid.ranges import Range
-from jaxid.system import Scalar, System, softened
+from jaxid.system import System, softened
 from jaxid.trajectory import JerkTrajectory
 
 # of the largest relative error, in units of smoothing: were it as sharp as the jumps of δ, a polish
@@ -34,26 +37,27 @@ class GuaranteedError(eqx.Module):
     Attributes:
         system: with the prior box.
         narrow: the system with the box that the log is expected to leave, for its brackets.
+        foresight: of the log.
         targets: of the m parameters, in their units; inf leaves one out.
         speed: m/s or rad/s, over which jumps are spread at smoothing 1.
-        period: of the servo, s.
-        resolution: of the encoder, m or rad.
-        ticks: of the motion.
+        largest: of the relative errors; or else their sum, so that 1/targets are weights.
         knots: of the modulating functions.
     """
 
     system: System
     narrow: System
+    foresight: Foresight
     targets: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
     speed: Scalar = eqx.field(converter=jnp.asarray)
-    period: Scalar = eqx.field(converter=jnp.asarray)
-    resolution: Scalar = eqx.field(converter=jnp.asarray)
-    ticks: int = eqx.field(static=True)
+    largest: bool = eqx.field(static=True, default=True)
     knots: int = eqx.field(static=True, default=150)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
         """With jumps spread and the largest rounded upwards; exact without smoothing."""
-        logs = jnp.log(self.errors(trajectory, smoothing) / self.targets)
+        errors = self.errors(trajectory, smoothing)
+        if not self.largest:
+            return jnp.log(jnp.sum(errors / self.targets))
+        logs = jnp.log(errors) - jnp.log(self.targets)  # not of 0, whose log has no slope
         corner = jnp.where(smoothing > 0, _CORNER * smoothing, 1.0)
         rounded = corner * jax.scipy.special.logsumexp(logs / corner)
         return jnp.where(smoothing > 0, rounded, jnp.max(logs))
@@ -73,9 +77,8 @@ class GuaranteedError(eqx.Module):
         return stop_gradient(exact - slope) + slope
 
     def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Logged:
-        log = foreseen_log(self.system, trajectory, self.period, self.ticks, self.resolution)
+        log, states = self.foresight(trajectory)
         found = stop_gradient(brackets(self.narrow, stop_gradient(log)))
-        states = trajectory.states((jnp.arange(self.ticks) + 0.5) * self.period)
 
         def moved(x: Range, middle: Float[Array, " n"]) -> Range:
             """A range that goes along with what it is about."""
@@ -83,7 +86,7 @@ class GuaranteedError(eqx.Module):
             return Range(x.lower + shift, x.upper + shift)
 
         found = Brackets(*map(moved, found, states))
-        step = jnp.abs(states.acceleration) * self.period / 2
+        step = jnp.abs(states.acceleration) * log.period / 2
         blend = jnp.where(smoothing > 0, smoothing * self.speed + step, 0.0)
         return hats(softened(self.narrow, blend), log, found)
 
@@ -102,3 +105,30 @@ class GuaranteedError(eqx.Module):
             return optimal(phi, delta, noise, box, np.eye(m), self.knots)
 
         return jax.pure_callback(solve, shapes, rows.regressors, rows.delta, noise, box)
+
+
+def expected_error(
+    system: System,
+    targets: Float[Array, " m"],
+    trajectory: JerkTrajectory,
+    servo: Servo,
+    speed: Scalar,
+    *,
+    largest: bool = True,
+) -> GuaranteedError:
+    """The guaranteed error of motions near to one, whose log says how well the axis will be known.
+
+    Args:
+        system: with the prior box.
+        targets: of the m parameters, in their units; inf leaves one out.
+        trajectory: the motion.
+        servo: what runs it.
+        speed: m/s or rad/s, over which jumps are spread at smoothing 1.
+        largest: of the relative errors; or else their sum.
+    """
+    narrow = narrowed(system, identify_log(system, foreseen(system, trajectory, servo)).estimate)
+    if servo.velocity_error:
+        cautious = Cautious(system.disturbance_bound, servo.velocity_error)
+        narrow = eqx.tree_at(lambda s: s.disturbance_bound, narrow, cautious)
+    foresight = servo.foresight(system, trajectory)
+    return GuaranteedError(system, narrow, foresight, targets, speed, largest)

@@ -9,8 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid.checks import is_concrete, require, require_interval
+from jaxid.quantities import Ends, Interval, Motion, Scalar, as_interval
 from jaxid.ranges import Range
-from jaxid.system import Ends, Interval, Motion, Scalar, System, as_interval
+from jaxid.system import System
 from jaxid.trajectory import JerkTrajectory, States
 
 

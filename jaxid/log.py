@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid.checks import is_concrete, require, require_float64
+from jaxid.quantities import Scalar
 from jaxid.ranges import Range, around, common, exactly, hull, minus, plus, size, times
-from jaxid.system import Scalar, System
+from jaxid.system import System
 
 _WINDOW = 12  # ticks: positions farther apart say less about a velocity than nearer ones
 _ROUNDINGS = 4  # of a position: when it is read, and in a difference of two or three

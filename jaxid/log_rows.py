@@ -20,9 +20,11 @@ from jaxtyping import Array, Float
 
 from jaxid.estimate import Estimate, estimate
 from jaxid.log import Brackets, Log
+from jaxid.quantities import Motion, Scalar
 from jaxid.ranges import Range, size
 from jaxid.record import Record, Rows
-from jaxid.system import Motion, Scalar, System, Viscous
+from jaxid.regressors import Viscous
+from jaxid.system import System
 
 # of a bound: far more than its sums lose by rounding; readings have theirs in `Log.reading_error`
 ROUNDED = 1e-9

@@ -14,11 +14,12 @@ from jaxid.control import Controller
 from jaxid.disturbance import Disturbance, Mixture, random_shares
 from jaxid.disturbance import Sequence as Forces
 from jaxid.limits import Envelope, Limits, Prediction, axis_excess
+from jaxid.quantities import Motion, Scalar
 from jaxid.ranges import Range, exactly
 from jaxid.record import Record
 from jaxid.sensing import Sensor
 from jaxid.simulate import Plant, Signals, simulate
-from jaxid.system import Motion, Scalar, System
+from jaxid.system import System
 from jaxid.trajectory import JerkTrajectory, reference
 
 Result = TypeVar("Result")

@@ -32,8 +32,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxid.bound import Norm, affine_worst_case_error, bias
 from jaxid.checks import is_concrete, require, require_float64
+from jaxid.quantities import Scalar, dot
 from jaxid.record import Rows
-from jaxid.system import Scalar, Tree, dot
+from jaxid.system import Tree
 
 _GAP = 1e-11  # relative, small enough to stop
 _STEPS = 100  # at most; 5 to 20 are usual

@@ -19,9 +19,10 @@ from jaxid.bound import (
 )
 from jaxid.filters import filtered
 from jaxid.loop import Loop, Scenarios
+from jaxid.quantities import Scalar
 from jaxid.record import Record, rows_of
 from jaxid.simulate import Plant
-from jaxid.system import Scalar, System, softened
+from jaxid.system import System, softened
 from jaxid.trajectory import JerkTrajectory
 
 Criterion = Callable[[Record, Scalar], Scalar]

@@ -6,7 +6,10 @@ All numbers are chosen: a small laboratory arm that hangs down at q = 0 and may 
 side and 20° on the other.
 """
 
+from jaxid.control import ARC
 from jaxid.disturbance import LowSpeedFriction
+from jaxid.disturbance_bounds import ConstantBound
+from jaxid.foresight import Servo
 from jaxid.limits import (
     Boundary,
     Limits,
@@ -14,8 +17,9 @@ from jaxid.limits import (
     acceleration_limit,
     through,
 )
+from jaxid.regressors import Constant, Coulomb, Sine, Viscous
 from jaxid.simulate import Plant
-from jaxid.system import Constant, ConstantBound, Coulomb, Sine, System, Term, Viscous
+from jaxid.system import System, Term
 
 KNOT_PERIOD = 0.02  # s
 CONTROL_PERIOD = 0.0005  # s
@@ -57,6 +61,16 @@ def boundary() -> Boundary:
     free = float("inf")
     raised = Via(0.4, (1.2, -free, -free), (free, free, free))
     return Boundary(start=(0.0, 0.0, 0.0), vias=(raised, through((0.2, 0.0, 0.0), at=1.0)))
+
+
+def servo() -> Servo:
+    """The period and encoder that a log of the arm has."""
+    return Servo(CONTROL_PERIOD, ENCODER_RESOLUTION)
+
+
+def controller() -> ARC:
+    """ARC with gains that were chosen by hand, knowing Ω_θ and δ but not the true parameters."""
+    return ARC(system(), k1=60.0, k2=2.0, epsilon=0.3, gamma=(1e-3,) * 5)
 
 
 def plant() -> Plant:

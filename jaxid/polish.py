@@ -17,7 +17,7 @@ from jaxid.axis_conditions import axis_conditions, frozen
 from jaxid.feasible import Inequalities, inequalities, trimmed
 from jaxid.linear_programs import Point, Vector, linear_step
 from jaxid.problem import Objective, Problem
-from jaxid.system import Scalar
+from jaxid.quantities import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 # Of the objective, one after the other: without the first the programs stall on corners earlier

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid.limits import Boundary, Limits, Prediction, axis_excess, excess, worst_excess
-from jaxid.system import Scalar
+from jaxid.quantities import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 Objective = Callable[[JerkTrajectory, Scalar], Scalar]

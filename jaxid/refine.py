@@ -18,7 +18,7 @@ from jaxid.axis_conditions import frozen
 from jaxid.feasible import MotionSpace, motion_space
 from jaxid.polish import polish, repaired
 from jaxid.problem import Multipliers, Problem
-from jaxid.system import Scalar
+from jaxid.quantities import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 _ROUNDED = 1e-9  # of the objective: less is no improvement

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid.filters import low_pass
+from jaxid.quantities import Scalar
 from jaxid.record import Record, Rows, rows_of
-from jaxid.system import Scalar, System
+from jaxid.system import System
 from jaxid.trajectory import States
 
 

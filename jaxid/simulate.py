@@ -12,9 +12,10 @@ from jaxtyping import Array, Float
 
 from jaxid.control import Controller
 from jaxid.disturbance import Disturbance, Moment
+from jaxid.quantities import Scalar
 from jaxid.record import Record, Rows
 from jaxid.sensing import Sensor
-from jaxid.system import Scalar, System
+from jaxid.system import System
 from jaxid.trajectory import States
 
 # Ralston's second-order tableau. All weights b are positive, so that means over a tick of

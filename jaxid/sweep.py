@@ -16,10 +16,11 @@ from jaxid.disturbance import AgainstTracking, Disturbance, Mixture, random_shar
 from jaxid.estimate import least_squares_estimate
 from jaxid.feasible import padded
 from jaxid.filters import filtered
+from jaxid.quantities import Scalar
 from jaxid.record import Record
 from jaxid.sensing import Sensor
 from jaxid.simulate import Plant, Signals, simulate
-from jaxid.system import Scalar, System
+from jaxid.system import System
 from jaxid.trajectory import JerkTrajectory, padded_reference, ticks
 
 Tree = TypeVar("Tree")

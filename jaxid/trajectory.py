@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxid.checks import require
-from jaxid.system import Motion, Scalar
+from jaxid.quantities import Motion, Scalar
 
 
 class States(NamedTuple):

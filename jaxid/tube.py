@@ -47,6 +47,7 @@ from jaxtyping import Array, Float
 from jaxid.checks import require_float64
 from jaxid.control import ARC
 from jaxid.limits import Envelope, Prediction
+from jaxid.quantities import Scalar
 from jaxid.ranges import (
     Range,
     around,
@@ -60,7 +61,7 @@ from jaxid.ranges import (
     times,
 )
 from jaxid.sensing import Sensor, SensorError
-from jaxid.system import Scalar, System
+from jaxid.system import System
 from jaxid.trajectory import JerkTrajectory, States, reference
 
 # outward at every tick and of every result, relative to 1 and to what is rounded: far more than all

@@ -1,17 +1,21 @@
 """The second axis through the whole chain: rotary, asymmetric limits, gravity."""
 
+import shutil
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from conftest import uniform_in_box
 
+from experiments import one_link_arm
 from jaxid import one_link_arm as arm
 from jaxid.bound import least_squares
-from jaxid.control import ARC, PDFeedforward
+from jaxid.control import PDFeedforward
 from jaxid.design import Effort
 from jaxid.disturbance import Sequence
 from jaxid.experiment import design_motion, identify, run
+from jaxid.files import read_table, read_trajectory
 from jaxid.filters import adjoint, filtered
 from jaxid.limits import worst_excess
 from jaxid.objective import planned_error
@@ -36,7 +40,7 @@ def test_from_design_to_identified_interval(key):
     star = planned_error(system, trajectory)
     assert star[3] < system.half_widths[3] / 2
 
-    law = ARC(system, k1=60.0, k2=2.0, epsilon=0.3, gamma=jnp.full(5, 1e-3))
+    law = arm.controller()
     sensor = Encoder(arm.ENCODER_RESOLUTION)
     record, signals = run(arm.plant(), law, sensor, trajectory, arm.CONTROL_PERIOD)
     error = signals.position[:-1] - signals.reference.position
@@ -62,3 +66,36 @@ def test_units_follow_the_coordinate():
     from jaxid.files import trajectory_header
 
     assert trajectory_header(arm.system().coordinate)[2] == "velocity_rad_s"
+
+
+def test_what_is_printed_of_it_is_that_of_the_motions_in_the_files(figures, tmp_path):
+    """Redrawn: errors, floor and gap of six designs; the log of one run proves the truth."""
+    for path in figures.glob("arm_*.csv"):
+        shutil.copy(path, tmp_path)
+    study = one_link_arm.Study(tmp_path, redraw=True)
+    one_link_arm.main(study)
+    assert (tmp_path / "arm.png").exists()
+    again, printed = (read_table(folder / "arm.csv") for folder in (tmp_path, figures))
+    assert len(printed) == 6 * 5
+    gaps = {}
+    for row, other in zip(printed, again, strict=True):
+        for column in ("J_lse", "guaranteed", "floor"):
+            assert float(row[column]) == pytest.approx(float(other[column]), rel=1e-4)
+        assert float(row["guaranteed"]) >= float(row["floor"])
+        gaps.setdefault(row["design"], []).append(float(row["gap"]))
+    best = gaps.pop(one_link_arm.ALL)
+    assert max(best) < min(max(others) for others in gaps.values())
+    for design in (*gaps, one_link_arm.ALL):
+        found = read_trajectory(study.path(design), "rotary")
+        assert worst_excess(arm.limits(), arm.boundary(), found) <= 0
+    for row in read_table(figures / "arm_proved.csv"):
+        assert float(row["lower"]) <= float(row["theta_true"]) <= float(row["upper"])
+
+
+@pytest.mark.usefixtures("quick_compilation")
+def test_a_design_of_each_kind_is_searched():
+    study = one_link_arm.Study(toy=True)
+    for name in ("G", one_link_arm.ALL):
+        found, motion = one_link_arm.searched(study, name)
+        assert found == name
+        assert worst_excess(arm.limits(), arm.boundary(), motion) <= 0

@@ -16,12 +16,14 @@ from jaxid.bound import (
     worst_case_disturbance,
     worst_case_error,
 )
+from jaxid.disturbance_bounds import ConstantBound
 from jaxid.estimate import Estimate, estimate, least_squares_estimate
 from jaxid.estimators import ESTIMATORS, Filtered, LeastSquares, Minimax
 from jaxid.filters import filtered, filtered_rows
 from jaxid.minimax import minimax
 from jaxid.record import Record, Rows
-from jaxid.system import Constant, ConstantBound, System, Term, Viscous
+from jaxid.regressors import Constant, Viscous
+from jaxid.system import System, Term
 
 seeds = st.integers(0, 10_000)
 PERIOD = 2e-4

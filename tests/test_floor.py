@@ -15,7 +15,7 @@ from jaxid.floor import floor
 from jaxid.minimax import minimax
 from jaxid.ranges import Range
 from jaxid.record import rows_of
-from jaxid.system import Custom, Viscous
+from jaxid.regressors import Custom, Viscous
 
 
 @pytest.fixture(scope="module")

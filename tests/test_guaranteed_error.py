@@ -6,16 +6,26 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxid import experiment
 from jaxid import linear_motor as motor
 from jaxid.admissible import inside
 from jaxid.files import read_trajectory
-from jaxid.guarantee import foreseen, identify_log, narrowed
-from jaxid.guaranteed_error import GuaranteedError
+from jaxid.foresight import foreseen
+from jaxid.guarantee import identify_log, narrowed
+from jaxid.guaranteed_error import GuaranteedError, expected_error
 from jaxid.polish import polish
-from jaxid.problem import Problem
+from jaxid.problem import Problem, Task
 
-H, Q, TICKS = motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION, 3000
+FOLLOWING = motor.servo()
+CONTROLLED = FOLLOWING._replace(controller=motor.controller())
 FLOOR = jnp.array([0.003375, 0.15842, 0.16690, 0.15])
+
+
+def made(start, servo, largest=True):
+    system = motor.system()
+    narrow = narrowed(system, identify_log(system, foreseen(system, start, servo), 100).estimate)
+    foresight = servo.foresight(system, start)
+    return GuaranteedError(system, narrow, foresight, FLOOR, 2.0, largest, 100)
 
 
 @pytest.fixture(scope="module")
@@ -25,35 +35,45 @@ def start(figures):
 
 @pytest.fixture(scope="module")
 def objective(start):
+    return made(start, FOLLOWING)
+
+
+def expected(trajectory, servo=FOLLOWING):
     system = motor.system()
-    narrow = narrowed(system, identify_log(system, foreseen(system, start, H, Q), 100).estimate)
-    return GuaranteedError(system, narrow, FLOOR, 2.0, H, Q, TICKS, 100)
+    return identify_log(system, foreseen(system, trajectory, servo)).estimate.half_length
 
 
-def expected(trajectory):
-    system = motor.system()
-    return identify_log(system, foreseen(system, trajectory, H, Q)).estimate.half_length
-
-
-def test_its_errors_are_those_that_the_log_of_the_motion_would_prove(objective, start):
+@pytest.mark.parametrize("servo", [FOLLOWING, CONTROLLED], ids=["following", "controlled"])
+def test_its_errors_are_those_that_the_log_of_the_motion_would_prove(start, servo):
     """To 0.3 %: its knots are fewer."""
-    found = objective.errors(start, jnp.zeros(()))
-    np.testing.assert_allclose(found, expected(start), rtol=3e-3)
+    found = made(start, servo).errors(start, jnp.zeros(()))
+    np.testing.assert_allclose(found, expected(start, servo), rtol=3e-3)
 
 
 def test_without_smoothing_they_are_exactly_those(objective, start):
     """With the same knots; 3.4e-6 is left where several weights are best for the program."""
     system = motor.system()
-    proved = identify_log(system, foreseen(system, start, H, Q), 100).estimate.bound
+    proved = identify_log(system, foreseen(system, start, FOLLOWING), 100).estimate.bound
     np.testing.assert_allclose(objective.errors(start, jnp.zeros(())), proved, rtol=1e-5)
 
 
-def test_its_slope_is_that_of_the_least_error(objective, start, key):
+def test_it_is_the_largest_relative_error_or_their_sum(objective, start):
+    relative = objective.errors(start, jnp.zeros(())) / FLOOR
+    both = objective, made(start, FOLLOWING, largest=False)
+    largest, total = (float(jnp.exp(o(start, jnp.zeros(())))) for o in both)
+    assert largest == pytest.approx(float(jnp.max(relative)), rel=1e-12)
+    assert total == pytest.approx(float(jnp.sum(relative)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("servo", "largest"), [(FOLLOWING, True), (FOLLOWING, False), (CONTROLLED, True)]
+)
+def test_its_slope_is_that_of_the_least_error(start, key, servo, largest):
     """By finite differences along random jerks; the weights are optimal anew at each end.
 
     Measured: 6e-4 of the slope's size, from the widths of the brackets, which it holds fixed.
     """
-    smoothing = jnp.asarray(0.001)
+    smoothing, objective = jnp.asarray(0.001), made(start, servo, largest)
 
     @eqx.filter_jit
     def value(jerk):
@@ -67,9 +87,55 @@ def test_its_slope_is_that_of_the_least_error(objective, start, key):
         assert abs(change - float(slope @ step)) < 0.002 * size
 
 
-def test_a_polish_for_it_improves_what_the_log_would_prove(objective, start):
-    problem = Problem(objective, motor.limits(), motor.boundary())
+@pytest.mark.parametrize("servo", [FOLLOWING, CONTROLLED], ids=["following", "controlled"])
+def test_a_polish_for_it_improves_what_the_log_would_prove(start, servo):
+    problem = Problem(made(start, servo), motor.limits(), motor.boundary())
     found = polish(problem, inside(problem, 60, motor.KNOT_PERIOD), start, 10)
     assert problem.violation(found) <= 0
-    before, after = (jnp.max(expected(motion) / FLOOR) for motion in (start, found))
+    before, after = (jnp.max(expected(motion, servo) / FLOOR) for motion in (start, found))
     assert float(after) < float(before) - 0.005  # 0.0130 after 120 programs
+
+
+def test_of_several_starts_the_one_is_kept_that_becomes_the_best(figures, monkeypatch, key):
+    """Searches that find what is in the files, instead of searching."""
+    files = iter(["dbar", "infinity", "Fc"])
+
+    def found(*arguments, **options):
+        return experiment.Design(
+            read_trajectory(figures / f"trajectory_{next(files)}_N30.csv"), 0.0, ()
+        )
+
+    monkeypatch.setattr(experiment, "design_motion", found)
+    system, limits = motor.system(), motor.limits()
+    task = Task(limits, motor.boundary(), 60, motor.KNOT_PERIOD)
+    motion = experiment.design_guaranteed(
+        system, task, FLOOR, key, FOLLOWING, starts=3, steps=1, report=(said := []).append
+    )
+    assert len(said) == 4
+    own = [
+        float(jnp.max(expected(read_trajectory(figures / f"trajectory_{name}_N30.csv")) / FLOOR))
+        for name in ("dbar", "infinity", "Fc")
+    ]
+    assert float(jnp.max(expected(motion) / FLOOR)) < min(own)
+
+
+def test_a_parameter_without_a_target_does_not_count(start):
+    alone = jnp.full(4, jnp.inf).at[1].set(FLOOR[1])
+    trusting = FOLLOWING._replace(velocity_error=0.0)
+    objective = expected_error(motor.system(), alone, start, trusting, jnp.asarray(2.0))
+    value = float(jnp.exp(objective(start, jnp.zeros(()))))
+    assert value == pytest.approx(float(expected(start)[1] / FLOOR[1]), rel=3e-3)
+    half_way = jnp.asarray(1e-3)
+    slope = jax.grad(lambda jerk: objective(eqx.tree_at(lambda t: t.jerk, start, jerk), half_way))
+    assert np.all(np.isfinite(slope(start.jerk)))
+
+
+def test_what_may_be_off_its_velocity_counts_with_the_larger_of_the_bounds(start):
+    """No error is smaller with it; where the motion dwells at the threshold of δ, one is larger."""
+    speed = jnp.asarray(2.0)
+    bare, cautious = (
+        expected_error(motor.system(), FLOOR, start, servo, speed).errors(start, jnp.zeros(()))
+        for servo in (FOLLOWING._replace(velocity_error=0.0), FOLLOWING)
+    )
+    assert np.all(cautious >= bare * (1 - 1e-9))
+    assert float(cautious[2]) > 1.005 * float(bare[2])

@@ -20,9 +20,9 @@ from jaxid.log import Log, brackets
 from jaxid.log_rows import boxes, guaranteed, hats
 from jaxid.loop import random_parameters, vertices
 from jaxid.modulating import modulating
+from jaxid.regressors import Constant, Viscous
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.simulate import Plant, simulate
-from jaxid.system import Constant, Viscous
 from jaxid.trajectory import reference, uniform
 
 SUBSTEPS = 10

@@ -54,7 +54,13 @@ assert {{path.name: path.read_bytes() for path in out.iterdir()}} == before
     sizes = {path.name: path.stat().st_size for path in tmp_path.iterdir()}
     expected = {f"fig{k}.png" for k in range(1, 11)} | {"overview.png"}
     expected |= {"table1.csv", "table2.csv", "table3.csv", "trajectory_M.csv", "crosscheck.csv"}
-    expected |= {"table4.csv", "floor.png", "proved.csv", "possible.png", "trajectory_minimax.csv"}
+    expected |= {
+        "table4.csv",
+        "floor.png",
+        "proved.csv",
+        "possible.png",
+        "trajectory_minimax.csv",
+    }
     assert expected <= set(sizes)
     assert all(size < 200_000 for size in sizes.values())
 

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
+from jaxid.disturbance_bounds import SpeedBand
 from jaxid.ranges import Range, around, common, exactly, hull, minus, plus, scaled, size, times
-from jaxid.system import Coulomb, Sine, SpeedBand
+from jaxid.regressors import Coulomb, Sine
 
 ends = st.floats(-3.0, 3.0, allow_subnormal=False)
 pairs = st.tuples(ends, ends).map(sorted)

@@ -2,9 +2,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
+from jaxid.disturbance_bounds import Cautious, ConstantBound, SpeedBand
 from jaxid.experiment import design_motion
 from jaxid.limits import (
     Limits,
@@ -13,7 +16,9 @@ from jaxid.limits import (
     acceleration_limit_euclidean,
 )
 from jaxid.problem import Task
-from jaxid.system import Constant, ConstantBound, SpeedBand, System, Term, Viscous, softened
+from jaxid.ranges import Range
+from jaxid.regressors import Constant, Viscous
+from jaxid.system import System, Term, softened
 
 TASK = Task(motor.limits(), motor.boundary(), intervals=60, period=0.01)
 BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}
@@ -124,3 +129,17 @@ def test_single_precision_is_refused(key):
     system = jax.tree.map(lambda x: x.astype(jnp.float32), motor.system())
     with pytest.raises(ValueError, match=r"`system` must be float64.*float32"):
         design_motion(system, TASK, "M", key)
+
+
+@given(st.floats(-0.3, 0.3), st.floats(0.0, 0.05))
+def test_a_cautious_bound_is_the_largest_within_reach(velocity, reach):
+    """Of a grid of velocities, the threshold's two sides among them."""
+    bound = SpeedBand(0.25, 0.15, 0.1)
+    near = np.append(velocity + np.linspace(-reach, reach, 101), [-0.1, 0.1])
+    near = near[np.abs(near - velocity) <= reach]
+    expected = np.max(bound(jnp.zeros_like(near), jnp.asarray(near)))
+    cautious, still = Cautious(bound, reach), jnp.zeros(())
+    assert float(cautious(still, jnp.asarray(velocity))) == expected
+    wide = cautious.range(Range(still, still), Range(jnp.asarray(velocity), jnp.asarray(velocity)))
+    assert float(wide.upper) == expected
+    assert "off by up to" in cautious.describe("V", "m/s")

@@ -10,6 +10,7 @@ from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
 from jaxid.control import ARC
 from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares, square_wave
+from jaxid.disturbance_bounds import ConstantBound
 from jaxid.feasible import interior
 from jaxid.files import read_trajectory
 from jaxid.limits import Limits, acceleration_reach
@@ -17,7 +18,6 @@ from jaxid.loop import Loop, Sampled, every, random_parameters, vertices
 from jaxid.problem import Problem
 from jaxid.ranges import Range
 from jaxid.sensing import Encoder, IdealSensor
-from jaxid.system import ConstantBound
 from jaxid.trajectory import uniform
 from jaxid.tube import Tube, _peak, cells
 

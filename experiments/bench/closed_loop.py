@@ -9,10 +9,11 @@ from jaxtyping import Array, Float
 from jaxid import linear_motor as motor
 from jaxid.bound import individual
 from jaxid.disturbance import NoDisturbance
+from jaxid.disturbance_bounds import SpeedBand
 from jaxid.loop import Loop, Scenarios
 from jaxid.objective import FilteredError, ThroughLoop
+from jaxid.regressors import Coulomb
 from jaxid.sensing import IdealSensor
-from jaxid.system import Coulomb, SpeedBand
 from jaxid.trajectory import uniform
 
 # what a design through the closed loop would use half-way: corners of (29), and jumps in m/s

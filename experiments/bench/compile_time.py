@@ -22,8 +22,8 @@ from jaxid.design import Effort
 from jaxid.feasible import motion_space
 from jaxid.objective import PlannedError
 from jaxid.problem import Problem
+from jaxid.quantities import Scalar
 from jaxid.runtime import configure
-from jaxid.system import Scalar
 from jaxid.trajectory import JerkTrajectory
 
 QUESTION = "compile_time"

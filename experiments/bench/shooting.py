@@ -22,9 +22,11 @@ from jaxtyping import Float
 
 from experiments.bench.compiled import build
 from jaxid import linear_motor as motor
+from jaxid.disturbance_bounds import SpeedBand
 from jaxid.objective import planned_error
 from jaxid.record import rows_of
-from jaxid.system import Coulomb, SpeedBand, softened
+from jaxid.regressors import Coulomb
+from jaxid.system import softened
 from jaxid.trajectory import JerkTrajectory, uniform
 
 Vector = Float[np.ndarray, " n"]

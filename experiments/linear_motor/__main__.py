@@ -17,11 +17,11 @@ from experiments.linear_motor import (
     runs,
     tables,
 )
-from experiments.linear_motor.designs import INFINITY, STUDIED, Cell, trajectory_path
+from experiments.linear_motor.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajectory_path
 from jaxid import linear_motor as motor
 from jaxid.design import Effort
-from jaxid.experiment import STEPS
 from jaxid.files import read_trajectory, write_table, write_trajectory
+from jaxid.floor import floor
 from jaxid.objective import planned_error
 from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory
@@ -49,11 +49,6 @@ class Study:
     def horizons(self) -> tuple[int, ...]:
         """The N_i to try."""
         return motor.HORIZONS[:2] if self.toy else motor.HORIZONS
-
-    @property
-    def one_motion(self) -> Path:
-        """The motion with the smallest guaranteed errors of all parameters."""
-        return certificates.motion_path(self.out)
 
     @property
     def plants(self) -> int:
@@ -100,10 +95,6 @@ def search(study: Study) -> None:
                     progress.write(f"N = {result.cell.horizon} is infeasible. {result.reason}")
             else:
                 write_trajectory(trajectory_path(study.out, result.cell), result.trajectory())
-    start = read_trajectory(trajectory_path(study.out, Cell(INFINITY, certificates.HORIZON)))
-    least = certificates.certified_floor()
-    motion = certificates.one_motion(start, least, 1 if study.toy else STEPS)
-    write_trajectory(study.one_motion, motion)
 
 
 def saved_trajectories(study: Study) -> dict[Cell, JerkTrajectory]:
@@ -173,29 +164,29 @@ def kept(
 
 def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[str]:
     """How far from the floor are the designs, and what does one experiment with the best prove?"""
-    motions = {f"lse_{name}": trajectories[Cell(name, certificates.HORIZON)] for name in STUDIED}
-    motions["one_motion"] = read_trajectory(study.one_motion)
-    worths = {name: certificates.worth(m) for name, m in tqdm(motions.items(), "certificates")}
-    least = np.asarray(certificates.certified_floor())
-    proof = certificates.experiment(motions["one_motion"])
-    made = {
-        "table4": (
-            certificate_tables.table_4(worths, least),
-            "Table 4: worst-case errors by estimator, guaranteed with servo and encoder, floor",
-        ),
-        "proved": (
-            certificate_tables.proved(proof, least),
-            "One experiment of 0.6 s: what its log proves, beside the paper's three",
-        ),
-    }
-    for name, (table, _) in made.items():
+    least = floor(motor.system(), motor.limits())
+    motions = tqdm(trajectories.items(), "certificates")
+    worths = {cell: certificates.worth(motion, least) for cell, motion in motions}
+    proof = certificates.experiment(trajectories[Cell(ONE_MOTION, HORIZON)])
+    proved = certificate_tables.proved(proof, np.asarray(least.value))
+    for name, table in (("table4", certificate_tables.table_4(worths)), ("proved", proved)):
         write_table(study.out / f"{name}.csv", table.header, table.rows)
-    certificate_figures.above_floor(study.out, worths, least)
+    compared = {name: worths[Cell(name, HORIZON)] for name in (*STUDIED, ONE_MOTION)}
+    certificate_figures.above_floor(study.out, compared)
     certificate_figures.possible(study.out, proof)
+    shown = {cell: one for cell, one in worths.items() if cell.horizon == HORIZON}
     rests = "\n".join(["These intervals rest on:", *(f"  {line}" for line in proof.assumptions)])
-    return [*(table.text(title) for table, title in made.values()), rests]
+    return [
+        certificate_tables.table_4(shown).text(TABLE_4_TITLE),
+        proved.text("One experiment of 0.6 s: what its log proves, beside the paper's three"),
+        rests,
+    ]
 
 
+TABLE_4_TITLE = (
+    f"Table 4, N = {HORIZON}: worst-case errors by estimator, guaranteed with servo and encoder, "
+    "certified floor"
+)
 LIMITS_TITLE = (
     "What the axis did (true position and velocity, commanded input): "
     "the design keeps the limits for the reference only"

@@ -7,7 +7,6 @@ import numpy as np
 
 from experiments.linear_motor.certificates import PLANES, Proof, Worth
 from experiments.linear_motor.figures import SYMBOLS
-from experiments.linear_motor.tables import Errors
 from jaxid import linear_motor as motor
 from jaxid import report
 
@@ -18,24 +17,28 @@ _MARKS = {
 }
 
 
-def above_floor(folder: Path, worths: Mapping[str, Worth], floor: Errors) -> None:
+def above_floor(folder: Path, worths: Mapping[str, Worth]) -> None:
     """Errors over the certified floor: one panel per parameter, one column per design."""
     names = motor.system().names
     canvas, panels = report.figure(1, len(names), (11.0, 4.4))
     for k, (panel, name) in enumerate(zip(panels, names, strict=True)):
         columns = [
-            np.array([float(w.errors["least_squares"][k]) for w in worths.values()]),
-            np.array([float(w.guaranteed[k]) for w in worths.values()]),
-            np.array([float(w.errors["minimax"][k]) for w in worths.values()]),
+            np.array([float(error[k]) for error in kind])
+            for kind in (
+                [w.appraisal.error for w in worths.values()],
+                [w.appraisal.guaranteed for w in worths.values()],
+                [w.errors["minimax"] for w in worths.values()],
+            )
         ]
+        floor = np.array([float(w.appraisal.floor[k]) for w in worths.values()])
         x = np.arange(len(worths))
         for values, (label, (mark, colour)) in zip(columns, _MARKS.items(), strict=True):
             style = {"markersize": 9, "markeredgewidth": 2, "linestyle": "none"}
-            panel.plot(x, values / floor[k], mark, color=colour, label=label, **style)
+            panel.plot(x, values / floor, mark, color=colour, label=label, **style)
         panel.axhline(1.0, color=report.BLACK, linewidth=1.2)
         panel.set_xticks(x, [d.replace("_", "\n") for d in worths], fontsize=10)
         panel.set_xlim(-0.5, len(worths) - 0.5)
-        report.label(panel, "", "error / floor" if k == 0 else "", SYMBOLS[name])
+        report.label(panel, "designed for", "error / floor" if k == 0 else "", SYMBOLS[name])
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=11)
     report.save(canvas, folder / "floor.png")

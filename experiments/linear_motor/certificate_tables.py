@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 
-from experiments.linear_motor.certificates import HORIZON, Proof, Worth
+from experiments.linear_motor.certificates import Proof, Worth
+from experiments.linear_motor.designs import Cell
 from experiments.linear_motor.tables import Errors, Row, Table
 from jaxid import linear_motor as motor
 
@@ -17,29 +18,27 @@ PROVED = (
     "possible_lower", "possible_upper", "possible_half_length", "floor", "J_paper",
 )  # fmt: skip
 _ESTIMATORS = {
-    "J_lse": "least_squares",
     "J_weighted_1": "weighted_1",
     "J_weighted_2": "weighted_2",
     "r_minimax": "minimax",
 }
 
 
-def table_4(worths: Mapping[str, Worth], floor: Errors) -> Table:
+def table_4(worths: Mapping[Cell, Worth]) -> Table:
     """What each design is worth by every estimator; gap = guaranteed/floor − 1."""
     rows: list[Row] = []
-    for design, worth in worths.items():
+    for cell, (appraisal, errors) in worths.items():
         for k, name in enumerate(motor.system().names):
-            guaranteed, least = float(worth.guaranteed[k]), float(floor[k])
-            errors = {c: float(worth.errors[e][k]) for c, e in _ESTIMATORS.items()}
             rows.append(
                 {
-                    "design": design,
+                    "design": cell.label,
                     "parameter": name,
-                    "N": HORIZON,
-                    **errors,
-                    "guaranteed": guaranteed,
-                    "floor": least,
-                    "gap": guaranteed / least - 1,
+                    "N": cell.horizon,
+                    "J_lse": float(appraisal.error[k]),
+                    **{c: float(errors[e][k]) for c, e in _ESTIMATORS.items()},
+                    "guaranteed": float(appraisal.guaranteed[k]),
+                    "floor": float(appraisal.floor[k]),
+                    "gap": float(appraisal.gap[k]),
                 }
             )
     return Table(TABLE_4, rows)

@@ -1,45 +1,39 @@
 """How good the designs are, and what one experiment proves: guaranteed errors, floor, set of θ."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid import linear_motor as motor
+from jaxid.appraisal import Appraisal, appraise
 from jaxid.bound import affine_worst_case_error
 from jaxid.estimators import ESTIMATORS
-from jaxid.experiment import STEPS, design_guaranteed, log_of, run
+from jaxid.experiment import log_of, run
 from jaxid.feasible_set import FeasibleSet, feasible_set, projection
-from jaxid.floor import floor
-from jaxid.guarantee import Guarantee, assumptions, foreseen, identify_log
-from jaxid.objective import planned_error
-from jaxid.problem import Task
+from jaxid.floor import Floor
+from jaxid.guarantee import Guarantee, assumptions, identify_log
 from jaxid.record import rows_of
 from jaxid.sensing import Encoder
 from jaxid.trajectory import JerkTrajectory
 
-HORIZON = 30
-# of the floor: what one motion may guarantee for each parameter at the same time
-ALLOWED = (1.06, 1.015, 1.02, 1.01)
 KNOTS = 150  # of a feasible set; twice as many leave 3 % less of it
 PLANES = (("M", "B"), ("M", "Fc"), ("B", "Fc"), ("Fc", "dbar"))
 _NODES = 256  # per interval, of the errors of the estimators: twice as many change less than 1e-3
 
 
 class Worth(NamedTuple):
-    """What a motion is worth for each parameter, shape (m,) each.
+    """What a motion is worth for each parameter.
 
     Attributes:
-        errors: worst-case errors on the desired motion, by estimator.
-        guaranteed: what the log of the axis can be expected to prove, servo and encoder included.
+        appraisal: by least squares, what its log can be expected to prove, and the floor.
+        errors: worst-case errors on the desired motion by other estimators, shape (m,) each.
     """
 
+    appraisal: Appraisal
     errors: Mapping[str, Float[Array, " m"]]
-    guaranteed: Float[Array, " m"]
 
 
 class Proof(NamedTuple):
@@ -58,32 +52,9 @@ class Proof(NamedTuple):
     projections: Mapping[tuple[str, str], Float[np.ndarray, "corners 2"]]
 
 
-def motion_path(folder: Path) -> Path:
-    """Where the one motion for all parameters is kept."""
-    return folder / "trajectory_minimax.csv"
-
-
-def certified_floor() -> Float[Array, " m"]:
-    """Of the motor under its limits."""
-    return floor(motor.system(), motor.limits()).value
-
-
-def one_motion(
-    start: JerkTrajectory, least: Float[Array, " m"], steps: int = STEPS
-) -> JerkTrajectory:
-    """Good for all parameters at once, from the motion that is best for least squares."""
-    task = Task(motor.limits(), motor.boundary(), start.jerk.size, motor.KNOT_PERIOD)
-    servo = motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION
-    targets = jnp.asarray(ALLOWED) * least
-    return design_guaranteed(motor.system(), task, targets, start, *servo, steps=steps)
-
-
-def worth(motion: JerkTrajectory) -> Worth:
+def worth(motion: JerkTrajectory, least: Floor) -> Worth:
     """Before the experiment."""
-    system = motor.system()
-    log = foreseen(system, motion, motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)
-    errors = {"least_squares": planned_error(system, motion), **_errors(motion)}
-    return Worth(errors, identify_log(system, log).estimate.half_length)
+    return Worth(appraise(motor.system(), motion, motor.servo(), least), _errors(motion))
 
 
 @eqx.filter_jit

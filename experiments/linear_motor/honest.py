@@ -16,7 +16,6 @@ from jaxtyping import Array, Bool, Float
 from tqdm import tqdm
 
 from experiments.linear_motor import simulated_logs
-from experiments.linear_motor.certificates import certified_floor
 from experiments.linear_motor.simulated_logs import Motions
 from experiments.processes import each
 from jaxid import linear_motor as motor
@@ -25,6 +24,7 @@ from jaxid.estimators import ESTIMATORS, Filtered, LeastSquares
 from jaxid.feasible_set import feasible_set
 from jaxid.files import write_bytes, write_table
 from jaxid.filters import filtered
+from jaxid.floor import floor
 from jaxid.guarantee import identify_log
 from jaxid.log import Log, brackets
 from jaxid.log_rows import boxes, guaranteed, hats
@@ -181,7 +181,7 @@ def collected(options: Honest) -> Found:
 
 def table(found: Found) -> Iterator[dict[str, str | float | int]]:
     """Counts and lengths by estimator and parameter; of the usual logs apart."""
-    floor = np.asarray(certified_floor())
+    least = np.asarray(floor(motor.system(), motor.limits()).value)
     theta = found.theta[:, None]
     outside = (theta < found.lower) | (theta > found.upper)
     half = (found.upper - found.lower) / 2
@@ -198,8 +198,8 @@ def table(found: Found) -> Iterator[dict[str, str | float | int]]:
                 "outside": int(outside[logs, kind, k].sum()),
                 "half_length_median": float(np.median(lengths)),
                 "half_length_most": float(lengths.max()),
-                "median_over_floor": float(np.median(lengths) / floor[k]),
-                "most_over_floor": float(lengths.max() / floor[k]),
+                "median_over_floor": float(np.median(lengths) / least[k]),
+                "most_over_floor": float(lengths.max() / least[k]),
             }
 
 

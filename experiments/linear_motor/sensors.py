@@ -12,20 +12,23 @@ import tyro
 from jaxtyping import Float
 from tqdm import tqdm
 
-from experiments.linear_motor.certificates import certified_floor, motion_path
-from experiments.linear_motor.designs import STUDIED
+from experiments.linear_motor.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajectory_path
 from experiments.linear_motor.figures import SYMBOLS
 from jaxid import linear_motor as motor
 from jaxid import report
 from jaxid.estimate import Estimate
 from jaxid.estimators import Filtered, LeastSquares
-from jaxid.files import Cell, read_trajectory, write_table
-from jaxid.guarantee import ROUNDS, foreseen, narrowed
+from jaxid.files import Cell as Value
+from jaxid.files import read_trajectory, write_table
+from jaxid.floor import floor
+from jaxid.foresight import Servo, foreseen
+from jaxid.guarantee import ROUNDS, narrowed
 from jaxid.log import Log, brackets
 from jaxid.log_rows import Logged, boxes, guaranteed, hats
 from jaxid.modulating import modulating
+from jaxid.quantities import Scalar
 from jaxid.runtime import configure
-from jaxid.system import Scalar, System
+from jaxid.system import System
 
 RESOLUTIONS = (0.05e-6, 0.5e-6, 5e-6, 50e-6)  # m
 PERIODS = (0.0001, 0.0002, 0.0005, 0.001, 0.002)  # s
@@ -98,14 +101,14 @@ def main(options: Sensors) -> None:
     draw(options.out / f"{prefix}sensors.png", rows)
 
 
-def costs(options: Sensors) -> Iterator[dict[str, Cell]]:
+def costs(options: Sensors) -> Iterator[dict[str, Value]]:
     """What each way guarantees for each parameter and sensor; with filters, at the best w each."""
-    system, least = motor.system(), certified_floor()
-    motion = read_trajectory(motion_path(options.motions))
+    system, least = motor.system(), floor(motor.system(), motor.limits()).value
+    motion = read_trajectory(trajectory_path(options.motions, Cell(ONE_MOTION, HORIZON)))
     whole = [(period, resolution) for period in PERIODS for resolution in RESOLUTIONS]
     usual = [(motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)]
     for period, resolution in tqdm(usual if options.toy else whole, "sensors"):
-        log = foreseen(system, motion, period, resolution)
+        log = foreseen(system, motion, Servo(period, resolution))
         for name, way in WAYS.items():
             bounds = least_bounds(system, log, way)
             for k, parameter in enumerate(system.names):
@@ -125,7 +128,7 @@ def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
     return bounds
 
 
-def draw(path: Path, rows: list[dict[str, Cell]]) -> None:
+def draw(path: Path, rows: list[dict[str, Value]]) -> None:
     """Over resolutions at the motor's period above, over periods at its resolution below."""
     canvas, panels = report.figure(2, len(STUDIED), (11.0, 7.0))
     sides = (
@@ -148,7 +151,7 @@ def draw(path: Path, rows: list[dict[str, Cell]]) -> None:
     report.save(canvas, path)
 
 
-def _above(rows: list[dict[str, Cell]], column: str) -> list[float]:
+def _above(rows: list[dict[str, Value]], column: str) -> list[float]:
     return [100 * (float(r[column] or 0) / float(r["floor"] or 1) - 1) for r in rows]
 
 

@@ -13,15 +13,14 @@ import tyro
 from jaxtyping import Float
 from tqdm import tqdm
 
-from experiments.linear_motor.certificates import ALLOWED, HORIZON, KNOTS
-from experiments.linear_motor.designs import TOY
+from experiments.linear_motor.certificates import KNOTS
+from experiments.linear_motor.designs import HORIZON, TOY, one_motion
 from experiments.linear_motor.figures import SYMBOLS
 from jaxid import linear_motor as motor
 from jaxid import report
-from jaxid.bound import infinity
 from jaxid.control import ARC
 from jaxid.design import Effort
-from jaxid.experiment import STEPS, design_guaranteed, design_motion, log_of, run
+from jaxid.experiment import log_of, run
 from jaxid.feasible_set import FeasibleSet, feasible_set
 from jaxid.files import Cell, write_table
 from jaxid.floor import floor
@@ -97,7 +96,7 @@ def experiments(options: Sequential, jerk: float, rounds: int) -> Iterator[Round
         limits = allowed(system, jerk)
         least = np.asarray(floor(system, limits).value)
         key = jax.random.fold_in(jax.random.key(options.seed), number)
-        motion = designed(system, limits, least, key, options.toy)
+        motion = designed(system, limits, key, options.toy)
         found = measured(system, motion)
         left = feasible_set(found.logged, [found.estimate], KNOTS)
         yield Round(system, limits, least, found, left)
@@ -112,17 +111,10 @@ def allowed(system: System, jerk: float) -> Limits:
     return Limits(acceleration=acceleration_limit(system, **box), jerk=(-jerk, jerk), **box)
 
 
-def designed(
-    system: System, limits: Limits, least: Float[np.ndarray, " m"], key: jax.Array, toy: bool
-) -> JerkTrajectory:
+def designed(system: System, limits: Limits, key: jax.Array, toy: bool) -> JerkTrajectory:
     """For the guaranteed errors of all parameters."""
     task = Task(limits, motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
-    effort = TOY if toy else Effort()
-    start = design_motion(system, task, infinity(system.half_widths), key, effort=effort)
-    targets = jnp.asarray(ALLOWED) * least
-    servo = motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION
-    steps = 1 if toy else STEPS
-    return design_guaranteed(system, task, targets, start.trajectory, *servo, steps=steps)
+    return one_motion(system, task, key, TOY if toy else Effort())
 
 
 def measured(system: System, motion: JerkTrajectory) -> Guarantee:

@@ -18,7 +18,8 @@ from jaxid.disturbance import (
 )
 from jaxid.limits import Limits, acceleration_limit, acceleration_reach
 from jaxid.loop import Scenarios, every, vertices
-from jaxid.system import Interval, System
+from jaxid.quantities import Interval
+from jaxid.system import System
 
 # Weak: the axis is up to 7 % of its top speed and 14 mm off its motion.
 GAINS = {

@@ -9,20 +9,26 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from experiments.linear_motor.certificates import HORIZON, motion_path
-from experiments.linear_motor.designs import INFINITY, STUDIED, Cell, trajectory_path
+from experiments.linear_motor.designs import (
+    HORIZON,
+    INFINITY,
+    ONE_MOTION,
+    STUDIED,
+    Cell,
+    trajectory_path,
+)
 from jaxid import linear_motor as motor
 from jaxid.disturbance import AgainstTracking, Mixture, Sequence, random_shares
 from jaxid.experiment import log_of
 from jaxid.files import read_trajectory
-from jaxid.guarantee import foreseen, identify_log
+from jaxid.foresight import foreseen
+from jaxid.guarantee import identify_log
 from jaxid.log import Log
 from jaxid.modulating import modulating
 from jaxid.sensing import Encoder
 from jaxid.simulate import Plant, simulate
 from jaxid.trajectory import JerkTrajectory, reference, ticks
 
-ONE_MOTION = "one_motion"
 MOTIONS = (ONE_MOTION, *STUDIED, INFINITY)
 # nothing, the motor's own, an independent force at every tick, and at the bound δ two adversaries:
 # one of the loop, one of the estimate of one parameter
@@ -57,8 +63,7 @@ class Motions(NamedTuple):
 
 def paths(folder: Path) -> list[Path]:
     """The files of `MOTIONS`."""
-    others = [trajectory_path(folder, Cell(name, HORIZON)) for name in MOTIONS[1:]]
-    return [motion_path(folder), *others]
+    return [trajectory_path(folder, Cell(name, HORIZON)) for name in MOTIONS]
 
 
 @functools.cache
@@ -71,7 +76,7 @@ def read_motions(folder: Path) -> Motions:
 
 def _against(motion: JerkTrajectory) -> Float[Array, "m ticks"]:
     system = motor.system()
-    log = foreseen(system, motion, motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)
+    log = foreseen(system, motion, motor.servo())
     weights = modulating(identify_log(system, log).logged, system.half_widths)
     return jnp.sign(jnp.concatenate([weights[:, :1], weights], axis=1))
 

@@ -1,0 +1,216 @@
+"""What an engineer would have run instead: excitations of textbooks beside ours, table5.csv.
+
+All under the same limits, boundary conditions, duration, encoder and servo. Families of excitations
+are optimised for the criterion of our one motion, the largest guaranteed error relative to what is
+allowed, from as many starts and by as many evaluations; classical criteria by our own search.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jaxtyping import Array, Float, PRNGKeyArray
+from tqdm import tqdm
+
+from experiments.linear_motor import excitations
+from experiments.linear_motor.classical import Information
+from experiments.linear_motor.designs import (
+    ALLOWED,
+    HORIZON,
+    ONE_MOTION,
+    TOY,
+    Cell,
+    trajectory_path,
+)
+from experiments.linear_motor.excitations import Excitation
+from experiments.linear_motor.family_search import Budget, best_members, polished_member
+from experiments.linear_motor.figures import SYMBOLS
+from experiments.linear_motor.tables import Row, Table
+from experiments.processes import each
+from jaxid import linear_motor as motor
+from jaxid import report
+from jaxid.admissible import inside
+from jaxid.appraisal import Appraisal, appraise
+from jaxid.bound import infinity
+from jaxid.design import Effort, design
+from jaxid.dwells import MEMBERS, Dwells, jerk_of
+from jaxid.experiment import SMOOTHINGS, STARTS, STEPS, design_motion
+from jaxid.feasible import motion_space
+from jaxid.files import read_trajectory, write_table, write_trajectory
+from jaxid.floor import floor
+from jaxid.guaranteed_error import expected_error
+from jaxid.objective import PlannedError
+from jaxid.problem import Objective, Task
+from jaxid.runtime import configure
+from jaxid.trajectory import JerkTrajectory
+
+FAMILIES: Mapping[str, type[Excitation]] = {
+    "chirp": excitations.Chirp,
+    "multisine": excitations.Multisine,
+    "fourier": excitations.Fourier,
+    "prbs": excitations.PRBS,
+    "bang_bang": excitations.BangBang,
+}
+CRITERIA = {"d_optimal": "D", "a_optimal": "A", "e_optimal": "E"}
+LEAST_SQUARES, OURS = "lse", "minimax"
+EXCITATIONS = (*FAMILIES, *CRITERIA, LEAST_SQUARES, OURS)
+COLUMNS = ("excitation", "parameter", "J_lse", "guaranteed", "gap")
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Ten excitations of the motor for 0.6 s, each optimised.
+
+    Attributes:
+        out: the folder of table5.csv, table5.png and a compare_<excitation>.csv for each motion.
+        motions: the folder with the one motion of the study.
+        seed: of all starts.
+        processes: how many are searched side by side; the results do not depend on it.
+        redraw: use the motions in `out` instead of searching.
+        toy: search hardly at all: only shows that everything runs.
+    """
+
+    out: Path = Path("figures")
+    motions: Path = Path("figures")
+    seed: int = 0
+    processes: int = 2
+    redraw: bool = False
+    toy: bool = False
+
+    def path(self, excitation: str) -> Path:
+        """Of a motion; ours is that of the study."""
+        if excitation == OURS:
+            return trajectory_path(self.motions, Cell(ONE_MOTION, HORIZON))
+        return self.out / f"compare_{excitation}.csv"
+
+
+def main(options: Compare) -> None:
+    """Search, appraise, save, draw, print."""
+    others = [name for name in EXCITATIONS if name != OURS]
+    if not options.redraw:
+        found = each(partial(searched, options), others, options.processes)
+        for name, motion in tqdm(found, "excitations", len(others)):
+            write_trajectory(options.path(name), motion)
+    least = floor(motor.system(), motor.limits())
+    worth = {
+        name: appraise(motor.system(), read_trajectory(options.path(name)), motor.servo(), least)
+        for name in EXCITATIONS
+    }
+    table = table_5(worth)
+    write_table(options.out / "table5.csv", table.header, table.rows)
+    draw(options.out / "table5.png", worth)
+    print(table.text("Table 5: what each excitation guarantees, and how far above the floor"))
+
+
+def searched(options: Compare, name: str) -> tuple[str, JerkTrajectory]:
+    """The best motion of one kind."""
+    system, limits = motor.system(), motor.limits()
+    task = Task(limits, motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
+    targets = jnp.asarray(ALLOWED) * floor(system, limits).value
+    key = jax.random.fold_in(jax.random.key(options.seed), EXCITATIONS.index(name))
+    keys = jax.random.split(key, 1 if options.toy else STARTS)
+    effort = TOY if options.toy else Effort()
+    if name in FAMILIES:
+        return name, member(name, task, targets, keys, effort)
+    found = [optimal(name, task, targets, key, effort) for key in keys]
+    return name, min(found, key=lambda one: one[0])[1]
+
+
+def optimal(
+    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, effort: Effort
+) -> tuple[float, JerkTrajectory]:
+    """By one of the criteria of a motion alone, sought as a design is."""
+    system, speed = motor.system(), jnp.max(jnp.abs(task.limits.velocity))
+    if name == LEAST_SQUARES:
+        found = design_motion(system, task, infinity(targets), key, effort=effort)
+    else:
+        coarse, fine = (Information(system, CRITERIA[name], speed, nodes) for nodes in (5, 64))
+        found = design(coarse, task, key, fine=fine, effort=effort)
+    return found.value, found.trajectory
+
+
+def member(
+    name: str, task: Task, targets: Float[Array, " m"], keys: PRNGKeyArray, effort: Effort
+) -> JerkTrajectory:
+    """Of a family: as our one motion is found, by a search for least squares and a polish."""
+    system, speed = motor.system(), jnp.max(jnp.abs(task.limits.velocity))
+    problem = task.problem(PlannedError(system, infinity(targets), speed, 5))
+    deep, family = inside(problem, task.intervals, task.period), family_of(name, task)
+    found: list[tuple[float, int, JerkTrajectory]] = []
+    for k, key in enumerate(keys):
+        (z,) = best_members(problem, family, key, budget(effort), 1)
+        exact = task.problem(_expected(targets, family.trajectory(z), speed))
+        steps = STEPS if effort == Effort() else 1
+        motion = polished_member(exact, deep, family, z, steps, SMOOTHINGS)
+        value = task.problem(_expected(targets, motion, speed)).value(motion)
+        found.append((float(value), k, motion))
+    return min(found)[-1]
+
+
+def family_of(name: str, task: Task) -> Excitation:
+    """For a task: its two moves are the deepest one, and there and back at top speed."""
+    limits = task.limits
+    space = motion_space(limits, task.boundary, task.intervals, task.period)
+    problem = task.problem(lambda motion, smoothing: jnp.zeros(()))
+    deep = inside(problem, task.intervals, task.period)
+    dwells = Dwells(jnp.flip(limits.velocity), jnp.ones(2))
+    moves = jnp.stack([deep.jerk, jerk_of(dwells, limits, space)])
+    peak, jerk = (jnp.min(jnp.abs(x)) for x in (limits.acceleration, limits.jerk))
+    edge = 2 * peak / jerk / deep.duration
+    return FAMILIES[name](space, moves, peak, edge)
+
+
+def budget(effort: Effort) -> Budget:
+    """As many starts and evaluations as one search for a design takes."""
+    random = effort.starts // 8
+    bred = (effort.starts - random) * MEMBERS
+    rounds = effort.rounds * effort.variations
+    descents = (effort.starts + rounds) * effort.stages * effort.steps  # at most
+    return Budget(bred + random + rounds, bred * effort.generations + descents)
+
+
+def table_5(worth: Mapping[str, Appraisal]) -> Table:
+    """Errors of every parameter; gap = guaranteed/floor − 1."""
+    rows: list[Row] = [
+        {
+            "excitation": excitation,
+            "parameter": name,
+            "J_lse": float(one.error[k]),
+            "guaranteed": float(one.guaranteed[k]),
+            "gap": float(one.gap[k]),
+        }
+        for excitation, one in worth.items()
+        for k, name in enumerate(motor.system().names)
+    ]
+    return Table(COLUMNS, rows)
+
+
+def draw(path: Path, worth: Mapping[str, Appraisal]) -> None:
+    """Bars: how far above the floor, one panel per parameter that the motion decides about."""
+    names = motor.system().names[:3]
+    canvas, panels = report.figure(1, len(names), (11.0, 4.6))
+    y = np.arange(len(worth))
+    for k, (panel, name) in enumerate(zip(panels, names, strict=True)):
+        gaps = [100 * float(one.gap[k]) for one in worth.values()]
+        colours = [report.RED if excitation == OURS else report.BLUE for excitation in worth]
+        bars = panel.barh(y, gaps, color=colours)
+        panel.bar_label(bars, fmt="%.1f", padding=3, fontsize=10)
+        panel.set_yticks(y, [e.replace("_", " ") for e in worth] if k == 0 else [])
+        panel.invert_yaxis()
+        panel.margins(x=0.15)
+        report.label(panel, "guaranteed error, % above the floor", "", SYMBOLS[name])
+    report.save(canvas, path)
+
+
+def _expected(targets: Float[Array, " m"], motion: JerkTrajectory, speed: Array) -> Objective:
+    return expected_error(motor.system(), targets, motion, motor.servo(), speed)
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Compare))

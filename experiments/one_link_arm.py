@@ -1,0 +1,158 @@
+"""The second axis: motions for each parameter and for all, how good they are, what one run proves.
+
+Rotary, with gravity, and with limits that are not symmetric: arm.csv, arm_proved.csv and arm.png.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from experiments.linear_motor.designs import TOY
+from experiments.processes import each
+from jaxid import one_link_arm as arm
+from jaxid import report
+from jaxid.appraisal import Appraisal, appraise
+from jaxid.design import Effort
+from jaxid.estimate import Estimate
+from jaxid.experiment import STARTS, STEPS, design_guaranteed, design_motion, log_of, run
+from jaxid.files import Cell as Value
+from jaxid.files import read_trajectory, write_table, write_trajectory
+from jaxid.floor import floor
+from jaxid.guarantee import assumptions, identify_log
+from jaxid.problem import Task
+from jaxid.report import text_table
+from jaxid.runtime import configure
+from jaxid.sensing import Encoder
+from jaxid.trajectory import JerkTrajectory
+
+ALL = "all"  # the largest guaranteed error over the floor
+INTERVALS = 50  # of 20 ms: one second
+COLUMNS = ("design", "parameter", "J_lse", "guaranteed", "floor", "gap")
+PROVED = ("parameter", "theta_true", "lower", "upper")
+
+Row = dict[str, Value]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Six designs for the arm.
+
+    Attributes:
+        out: the folder that the tables, the figure and the motions are written to.
+        seed: of all searches.
+        processes: how many run side by side; the results do not depend on it.
+        redraw: use the motions in `out` instead of searching.
+        toy: search hardly at all: only shows that everything runs.
+    """
+
+    out: Path = Path("figures")
+    seed: int = 0
+    processes: int = 2
+    redraw: bool = False
+    toy: bool = False
+
+    def path(self, design: str) -> Path:
+        """Of a motion."""
+        return self.out / f"arm_{design}.csv"
+
+
+def main(study: Study) -> None:
+    """Search, appraise, run, save, draw, print."""
+    system, designs = arm.system(), (*arm.system().names, ALL)
+    if not study.redraw:
+        found = each(partial(searched, study), designs[::-1], study.processes)
+        for design, motion in tqdm(found, "designs", len(designs)):
+            write_trajectory(study.path(design), motion, system.coordinate)
+    motions = {design: read_trajectory(study.path(design), system.coordinate) for design in designs}
+    least = floor(system, arm.limits())
+    worth = {name: appraise(system, motion, arm.servo(), least) for name, motion in motions.items()}
+    proved, rests = experiment(motions[ALL])
+    tables = {"arm": (COLUMNS, appraised(worth)), "arm_proved": (PROVED, intervals(proved))}
+    for name, (columns, rows) in tables.items():
+        write_table(study.out / f"{name}.csv", columns, rows)
+        print(text_table(columns, [[row[c] for c in columns] for row in rows]), end="\n\n")
+    print("These intervals rest on:", *rests, sep="\n  ")
+    draw(study.out / "arm.png", motions[ALL], worth)
+
+
+def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
+    """One of the designs."""
+    system = arm.system()
+    task = Task(arm.limits(), arm.boundary(), INTERVALS, arm.KNOT_PERIOD)
+    key = jax.random.fold_in(jax.random.key(study.seed), (*system.names, ALL).index(design))
+    effort, starts, steps = (TOY, 1, 1) if study.toy else (Effort(), STARTS, STEPS)
+    if design != ALL:
+        return design, design_motion(system, task, design, key, effort=effort).trajectory
+    targets = floor(system, task.limits).value
+    motion = design_guaranteed(
+        system, task, targets, key, arm.servo(), effort=effort, starts=starts, steps=steps
+    )
+    return design, motion
+
+
+def experiment(motion: JerkTrajectory) -> tuple[Estimate, tuple[str, ...]]:
+    """One run on the simulated arm: what its log proves, and what that rests on."""
+    system, servo = arm.system(), arm.servo()
+    encoder = Encoder(servo.resolution)
+    _, signals = run(arm.plant(), arm.controller(), encoder, motion, servo.period)
+    log = log_of(signals, encoder, servo.period)
+    return identify_log(system, log).estimate, assumptions(system, log)
+
+
+def appraised(worth: Mapping[str, Appraisal]) -> list[Row]:
+    """Every parameter of every design; gap = guaranteed/floor − 1."""
+    return [
+        {
+            "design": design,
+            "parameter": name,
+            "J_lse": float(one.error[k]),
+            "guaranteed": float(one.guaranteed[k]),
+            "floor": float(one.floor[k]),
+            "gap": float(one.gap[k]),
+        }
+        for design, one in worth.items()
+        for k, name in enumerate(arm.system().names)
+    ]
+
+
+def intervals(proved: Estimate) -> list[Row]:
+    """Of every parameter, beside the truth."""
+    ends = zip(arm.TRUE_PARAMETERS, proved.lower.tolist(), proved.upper.tolist(), strict=True)
+    return [
+        {"parameter": name, "theta_true": truth, "lower": lower, "upper": upper}
+        for name, (truth, lower, upper) in zip(arm.system().names, ends, strict=True)
+    ]
+
+
+def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Appraisal]) -> None:
+    """The motion for all parameters, and gaps by design and parameter."""
+    canvas, panels = report.figure(1, 3, (12.0, 4.2))
+    time = np.linspace(0.0, float(motion.duration), 1000)
+    states, limits = motion.states(jnp.asarray(time)), arm.limits()
+    for panel, values, limit, name in zip(
+        panels,
+        states,
+        (limits.position, limits.velocity),
+        ("position (rad)", "velocity (rad/s)"),
+        strict=False,
+    ):
+        report.series(panel, time, np.asarray(values), name, title="motion for all parameters")
+        report.limit_lines(panel, np.asarray(limit).tolist())
+    gaps = 100 * np.array([np.asarray(one.gap) for one in worth.values()])
+    names = arm.system().names
+    report.heat_map(panels[2], gaps, list(worth), names, "{:.1f}", logarithmic=True)
+    title = "guaranteed error, % above the floor"
+    report.label(panels[2], "parameter", "designed for", title)
+    report.save(canvas, path)
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Study))

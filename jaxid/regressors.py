@@ -1,0 +1,175 @@
+"""What multiplies the unknown parameters: known functions of position and velocity."""
+
+import abc
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxid.quantities import Interval, Motion, Scalar, as_interval
+from jaxid.ranges import Range, around, exactly, hull, plus, size
+
+_CELLS = 64  # per side, in which a user's own regressor is looked at for (18)
+_TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a range, if nothing is known of its slopes
+
+
+class Kinked(eqx.Module):
+    """Something that jumps with the speed and can be spread for a search by gradients."""
+
+    @abc.abstractmethod
+    def softened(self, speed: Motion) -> "Kinked":
+        """The same thing with its jumps spread over about `speed` (m/s or rad/s).
+
+        The speed may differ from sample to sample of the motion that it will be applied to.
+        """
+
+
+class Regressor(eqx.Module):
+    """A known function f(y, ẏ) that multiplies one unknown parameter."""
+
+    @abc.abstractmethod
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        """F at each pair of position and velocity."""
+
+    @abc.abstractmethod
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """An upper bound of |f| while position and velocity stay in their intervals, for (18)."""
+
+    @abc.abstractmethod
+    def range(self, position: Range, velocity: Range) -> Range:
+        """All values of f while position and velocity stay in their ranges; wider is allowed."""
+
+    @property
+    def proved(self) -> bool:
+        """Whether `range` really holds all values, or only those that were tried."""
+        return True
+
+
+class Custom(Regressor):
+    """A user's own f(y, ẏ), with bounds of its slopes or without.
+
+    Without them its values between any points are only estimated, by some that are tried, and what
+    rests on them is marked so.
+
+    Attributes:
+        function: of arrays of one shape.
+        slopes: |∂f/∂y| and |∂f/∂ẏ| at most, where f is used.
+    """
+
+    function: Callable[[Motion, Motion], Motion] = eqx.field(static=True)
+    slopes: Float[Array, "2"] | None = eqx.field(
+        converter=lambda slopes: None if slopes is None else as_interval(slopes), default=None
+    )
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        return self.function(position, velocity)
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        shares = jnp.linspace(0.0, 1.0, _CELLS + 1)
+        (y0, y1), (v0, v1) = (
+            (low + shares[:-1] * (high - low), low + shares[1:] * (high - low))
+            for low, high in (position, velocity)
+        )
+        cells = [
+            jnp.stack([x.ravel() for x in jnp.meshgrid(*pair)]) for pair in ((y0, v0), (y1, v1))
+        ]
+        values = self.range(*(Range(low, high) for low, high in zip(*cells, strict=True)))
+        return jnp.max(size(values).upper)
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        if self.slopes is not None:
+            (y, dy), (v, dv) = (
+                ((x.lower + x.upper) / 2, (x.upper - x.lower) / 2) for x in (position, velocity)
+            )
+            return plus(exactly(self(y, v)), around(self.slopes[0] * dy + self.slopes[1] * dv))
+        tried = [
+            exactly(
+                self(
+                    position.lower + s * (position.upper - position.lower),
+                    velocity.lower + t * (velocity.upper - velocity.lower),
+                )
+            )
+            for s in _TRIED
+            for t in _TRIED
+        ]
+        return hull(*tried)
+
+    @property
+    def proved(self) -> bool:
+        return self.slopes is not None
+
+
+class Viscous(Regressor):
+    """f = ẏ."""
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        return velocity
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        return jnp.max(jnp.abs(velocity))
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        return velocity
+
+
+class Coulomb(Regressor, Kinked):
+    """f = S_f(ẏ) = (2/π)·arctan(β ẏ), a smooth sign of the velocity. β in s/m or s/rad.
+
+    `blend` notches it around zero over about that speed; zero, the default, is the exact regressor.
+    """
+
+    beta: Scalar = eqx.field(converter=jnp.asarray)
+    blend: Motion = eqx.field(converter=jnp.asarray, default=0.0)
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        sign = (2 / jnp.pi) * jnp.arctan(self.beta * velocity)
+        square, width = velocity**2, self.blend**2
+        # a smaller β would spread the sign too, but its tails reach far beyond the speed asked for
+        return sign * jnp.where(width > 0, square / jnp.where(width > 0, square + width, 1.0), 1.0)
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        # "always between -1 and 1", as the paper puts it; the sign itself in the limit β → ∞
+        return jnp.ones(())
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        return Range(*(self(x, v) for x, v in zip(position, velocity, strict=True)))  # monotone
+
+    def softened(self, speed: Motion) -> "Coulomb":
+        return Coulomb(self.beta, self.blend + speed)
+
+
+class Constant(Regressor):
+    """f = 1: an offset."""
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        return jnp.ones_like(velocity)
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        return jnp.ones(())
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        return exactly(jnp.ones_like(velocity.lower))
+
+
+class Sine(Regressor):
+    """f = sin(y + phase): gravity on a joint (y in rad; phase = π/2 makes it a cosine)."""
+
+    phase: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        return jnp.sin(position + self.phase)
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        return jnp.ones(())
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        low, high = (x + self.phase for x in position)
+        ends = hull(exactly(jnp.sin(low)), exactly(jnp.sin(high)))
+        crest, trough = (_holds_multiple(low - x, high - x) for x in (jnp.pi / 2, -jnp.pi / 2))
+        return Range(jnp.where(trough, -1.0, ends.lower), jnp.where(crest, 1.0, ends.upper))
+
+
+def _holds_multiple(low: Motion, high: Motion) -> Array:
+    """Whether a multiple of 2π lies between."""
+    return jnp.ceil(low / (2 * jnp.pi)) <= jnp.floor(high / (2 * jnp.pi))

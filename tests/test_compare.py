@@ -1,0 +1,146 @@
+"""The excitations of textbooks: what they are, that they are sought fairly, what was found."""
+
+import functools
+import shutil
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.signal import chirp
+
+from experiments.linear_motor import compare, excitations
+from experiments.linear_motor.classical import Information
+from experiments.linear_motor.designs import HORIZON
+from experiments.linear_motor.family_search import Budget, best_members, polished_member
+from jaxid import linear_motor as motor
+from jaxid.admissible import inside, walk
+from jaxid.bound import infinity
+from jaxid.design import Effort
+from jaxid.files import read_table, read_trajectory
+from jaxid.limits import worst_excess
+from jaxid.objective import PlannedError
+from jaxid.problem import Task
+
+TASK = Task(motor.limits(), motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
+
+
+@functools.cache
+def family(name):
+    return compare.family_of(name, TASK)
+
+
+@pytest.mark.parametrize("name", compare.FAMILIES)
+def test_every_member_meets_the_end_conditions_and_has_a_slope(name, key):
+    end = jnp.array([0.6])
+    for numbers in jax.random.normal(key, (5, family(name).size)):
+        states = family(name).trajectory(numbers).states(end)
+        np.testing.assert_allclose(np.asarray(states).ravel(), 0.0, atol=1e-9)
+
+        def jerk(z):
+            return family(name).trajectory(z).jerk
+
+        slopes = np.asarray(jax.jacfwd(jerk)(numbers))
+        assert np.all(np.isfinite(slopes))
+        # each number is free: all but the move of a bang-bang motion, which needs none
+        assert np.all(np.abs(slopes).max(axis=0) > 0)
+
+
+def test_the_chirp_is_scipys():
+    """Of constant amplitude: the sine whose frequency is linear in time."""
+    numbers, phase = jnp.array([-0.3, 0.4, 1.0, 1.0, 0.2, 0.0]), jnp.linspace(0.0, 1.0, 101)
+    first, last = (float(family("chirp").cycles(z)) for z in numbers[:2])
+    expected = chirp(np.asarray(phase), first, 1.0, last, phi=360 * 0.2 - 90)
+    np.testing.assert_allclose(family("chirp").acceleration(numbers, phase), expected, atol=1e-9)
+
+
+def test_the_binary_sequence_is_of_maximal_length():
+    """Its correlation with itself, shifted, is −1."""
+    bits = np.array(excitations._register())
+    assert bits.size == 31
+    assert set(bits.tolist()) == {1.0, -1.0}
+    assert [int(bits @ np.roll(bits, k)) for k in range(31)] == [31] + [-1] * 30
+
+
+def test_the_bang_bang_motion_has_the_asked_levels():
+    numbers = jnp.zeros(14).at[0].set(0.8).at[1].set(-0.6)
+    steep = eqx.tree_at(lambda f: f.edge, family("bang_bang"), jnp.asarray(1e-6))
+    found = np.asarray(steep.acceleration(numbers, (jnp.arange(12) + 0.5) / 12))
+    np.testing.assert_allclose(found, np.tile([0.8, -0.6], 6), atol=1e-12)
+
+
+@pytest.mark.parametrize("criterion", ["D", "A", "E"])
+def test_information_criteria_are_those_of_the_textbooks(motion, criterion):
+    """From a loop over the rows and the eigenvalues of the covariance."""
+    system = motor.system()
+    states, weights = motion.midpoints(256)
+    P = np.zeros((4, 4))
+    for _, v, a, h in zip(*map(np.asarray, states), np.asarray(weights), strict=True):
+        phi = np.array([a, v, 2 / np.pi * np.arctan(1000 * v), 1.0]) * system.half_widths
+        P += h * np.outer(phi, phi) / (0.25 if abs(v) <= 0.1 else 0.15) ** 2
+    axes = np.linalg.eigvalsh(np.linalg.inv(P))
+    expected = {"D": np.mean(np.log(axes)), "A": np.log(axes.sum()), "E": np.log(axes.max())}
+    found = Information(system, criterion, 2.0, 256)(motion, jnp.asarray(0.0))
+    # the jump of δ is spread over what the speed changes between two nodes
+    assert float(found) == pytest.approx(expected[criterion] / 2, abs=2e-3)
+
+
+def test_a_family_is_given_at_least_the_starts_and_evaluations_of_a_design():
+    """Counted as the search proceeds: populations, then descents that give up the worse half."""
+    effort, evaluations = Effort(), 0
+    assert effort.stages == 3
+    lanes = [effort.starts, *[effort.variations] * effort.rounds]
+    for count in lanes:
+        evaluations += effort.steps * (count + max(16, count // 2) + max(16, count // 4))
+    bred = (effort.starts - effort.starts // 8) * 12
+    given = compare.budget(effort)
+    assert given.starts == bred + effort.starts // 8 + effort.rounds * effort.variations
+    assert given.evaluations >= evaluations + bred * effort.generations
+
+
+def test_a_search_in_a_family_improves_and_keeps_the_limits(key):
+    objective = PlannedError(motor.system(), infinity(motor.system().half_widths), 2.0, 5)
+    problem, one = TASK.problem(objective), family("bang_bang")
+    deep = inside(problem, TASK.intervals, TASK.period)
+    random = jax.random.normal(key, (128, one.size))
+    start = min(float(problem.value(walk(problem, deep, one.trajectory(z)))) for z in random)
+    (z,) = best_members(problem, one, key, Budget(128, 128 + 224 * 120), 1)
+    searched = float(problem.value(walk(problem, deep, one.trajectory(z))))
+    assert searched < start - 0.005
+    found = polished_member(problem, deep, one, z, 15, (1e-3, 1e-4))
+    assert float(problem.violation(found)) <= 0
+    assert float(problem.value(found)) < searched - 0.005
+
+
+def test_the_table_is_that_of_the_motions_in_the_files(figures, tmp_path):
+    """Redrawn; every limit exact; ours is the only one within what is allowed."""
+    for path in figures.glob("compare_*.csv"):
+        shutil.copy(path, tmp_path)
+    options = compare.Compare(tmp_path, figures, redraw=True)
+    compare.main(options)
+    assert (tmp_path / "table5.png").exists()
+    again, printed = (read_table(folder / "table5.csv") for folder in (tmp_path, figures))
+    assert len(printed) == 4 * len(compare.EXCITATIONS)
+    relative = {}
+    for row, other in zip(printed, again, strict=True):
+        assert row["excitation"] == other["excitation"]
+        assert row["parameter"] == other["parameter"]
+        for column in ("J_lse", "guaranteed"):
+            assert float(row[column]) == pytest.approx(float(other[column]), rel=1e-4)
+        allowed = compare.ALLOWED[motor.system().names.index(row["parameter"])]
+        relative.setdefault(row["excitation"], []).append((1 + float(row["gap"])) / allowed)
+    for name in compare.EXCITATIONS:
+        found = read_trajectory(options.path(name))
+        assert worst_excess(motor.limits(), motor.boundary(), found) <= 0
+        assert found.jerk.size == TASK.intervals
+    assert max(relative.pop("minimax")) < 1.0
+    assert all(max(others) > 1.0 for others in relative.values())
+
+
+def test_an_excitation_of_each_kind_is_searched():
+    options = compare.Compare(toy=True)
+    for name in ("prbs", "e_optimal"):
+        found, motion = compare.searched(options, name)
+        assert found == name
+        assert worst_excess(motor.limits(), motor.boundary(), motion) <= 0

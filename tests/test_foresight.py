@@ -1,0 +1,83 @@
+"""The log that is foreseen, against loops of NumPy and against a run."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import linear_motor as motor
+from jaxid.disturbance import NoDisturbance
+from jaxid.experiment import run
+from jaxid.files import read_trajectory
+from jaxid.foresight import foreseen
+from jaxid.sensing import IdealSensor
+from jaxid.simulate import Plant
+
+SERVO = motor.servo()
+CONTROLLED = SERVO._replace(controller=motor.controller())
+
+
+@pytest.fixture(scope="module")
+def motion(figures):
+    return read_trajectory(figures / "trajectory_minimax.csv")
+
+
+def test_an_axis_that_follows_needs_the_input_of_the_middle_of_the_box(motion):
+    """From the knots on by Taylor's formula, tick by tick."""
+    log = foreseen(motor.system(), motion, SERVO)
+    knots, theta = motion.knot_states(), np.asarray(motor.system().centre)
+    for k in range(0, 3000, 97):
+        i, into = divmod(k * SERVO.period, motor.KNOT_PERIOD)
+        y, v, a = (float(x[int(i)]) for x in knots)
+        j = float(motion.jerk[int(i)])
+        t = into + SERVO.period / 2
+        assert float(log.position[k]) == pytest.approx(
+            y + v * into + a * into**2 / 2 + j * into**3 / 6, abs=1e-12
+        )
+        speed, acceleration = v + a * t + j * t**2 / 2, a + j * t
+        friction = 2 / np.pi * np.arctan(1000 * speed)
+        expected = theta @ [acceleration, speed, friction, 1.0]
+        assert float(log.input[k]) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_controlled_one_leaves_what_a_run_leaves(motion):
+    system = motor.system()
+    plant = Plant(system, system.centre, NoDisturbance())
+    _, signals = run(plant, motor.controller(), IdealSensor(), motion, SERVO.period)
+    log = foreseen(system, motion, CONTROLLED)
+    # compiled together with the rest of a log it differs in last bits, which a loop keeps small
+    np.testing.assert_allclose(log.position, signals.position, atol=1e-12)
+    np.testing.assert_allclose(log.input, signals.input, atol=1e-8)
+    assert float(log.resolution) == SERVO.resolution
+
+
+@pytest.mark.parametrize("servo", [SERVO, CONTROLLED], ids=["following", "controlled"])
+def test_the_states_half_way_are_those_between_the_positions(motion, servo):
+    """Mean velocity and, from it, acceleration.
+
+    In one tick in which friction turns, the mean of the ends is 2e-4 m/s off the mean velocity.
+    """
+    log, states = servo.foresight(motor.system(), motion)(motion)
+    h = servo.period
+    np.testing.assert_allclose(
+        states.position, (log.position[1:] + log.position[:-1]) / 2, atol=1e-6
+    )
+    np.testing.assert_allclose(states.velocity, np.diff(log.position) / h, atol=3e-4)
+    np.testing.assert_allclose(
+        np.mean(states.acceleration[:1500]) * 1500 * h, states.velocity[1500], atol=0.01
+    )
+
+
+@pytest.mark.parametrize("servo", [SERVO, CONTROLLED], ids=["following", "controlled"])
+def test_its_slope_is_that_of_finite_differences(motion, servo, key):
+    foresight = servo.foresight(motor.system(), motion)
+
+    @eqx.filter_jit
+    def position(jerk):
+        return foresight(eqx.tree_at(lambda t: t.jerk, motion, jerk))[0].position[1000]
+
+    direction = jax.random.normal(key, motion.jerk.shape)
+    slope = float(jnp.vdot(jax.grad(position)(motion.jerk), direction))
+    ends = [float(position(motion.jerk + sign * 0.01 * direction)) for sign in (1, -1)]
+    assert (ends[0] - ends[1]) / 0.02 == pytest.approx(slope, rel=1e-5)
