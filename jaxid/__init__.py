@@ -15,6 +15,9 @@ says which room may import from which; it is tested, and so is that nobody impor
     quantities <- -
     regressors <- quantities, ranges
     disturbance_bounds <- checks, quantities, ranges, regressors
+    quantities <- -
+    regressors <- quantities, ranges
+    disturbance_bounds <- checks, quantities, ranges, regressors
     system <- checks, disturbance_bounds, quantities, ranges, regressors
     trajectory <- checks, quantities
     limits <- checks, quantities, ranges, system, trajectory
@@ -53,8 +56,9 @@ trajectory
     feasible_set <- checks, disturbance_bounds, estimate, log_rows, modulating, quantities, \
 record, system
     guarantee <- checks, estimate, log, log_rows, modulating, system
-    foresight <- control, disturbance, log, loop, quantities, sensing, simulate, system, trajectory
-    guaranteed_error <- bound, disturbance_bounds, foresight, guarantee, log, log_rows, \
+    foresight <- checks, control, disturbance, log, loop, quantities, sensing, simulate, system, \
+trajectory
+    guaranteed_error <- bound, checks, disturbance_bounds, foresight, guarantee, log, log_rows, \
 modulating, quantities, ranges, system, trajectory
     appraisal <- floor, foresight, guarantee, objective, system, trajectory
     experiment <- admissible, bound, checks, control, design, estimate, filters, foresight, \

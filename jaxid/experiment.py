@@ -14,7 +14,7 @@ from jaxid.design import Design, Effort, Report, Show, design
 from jaxid.estimate import Estimate, least_squares_estimate
 from jaxid.filters import filtered
 from jaxid.foresight import Servo
-from jaxid.guaranteed_error import GuaranteedError, expected_error
+from jaxid.guaranteed_error import GuaranteedError, expected_error, require_targets
 from jaxid.log import Log
 from jaxid.objective import PlannedError
 from jaxid.polish import polish
@@ -111,6 +111,7 @@ def design_guaranteed(
         report: told what goes on.
     """
     require_float64("system", system)
+    require_targets(system, targets)
     speed = abs(task.limits.velocity).max()
 
     def expected(motion: JerkTrajectory) -> GuaranteedError:

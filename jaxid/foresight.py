@@ -10,6 +10,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
+from jaxid.checks import require
 from jaxid.control import Controller
 from jaxid.disturbance import NoDisturbance
 from jaxid.log import Log
@@ -91,7 +92,14 @@ class Servo(NamedTuple):
     velocity_error: float = 0.0
 
     def foresight(self, system: System, trajectory: JerkTrajectory) -> Foresight:
-        """For motions as long as this one."""
+        """For motions as long as this one.
+
+        Raises:
+            ValueError: if the period does not divide the duration, or a number is negative.
+        """
+        for name in ("resolution", "velocity_error"):
+            value = getattr(self, name)
+            require(value >= 0, f"Argument `{name}` of a servo must be ≥ 0, but is {value:g}.")
         count = ticks(trajectory, self.period)
         if self.controller is None:
             return Following(system, self.period, self.resolution, count)

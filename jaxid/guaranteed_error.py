@@ -15,6 +15,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from jaxid.bound import affine_worst_case_error, bias
+from jaxid.checks import is_concrete, require
 from jaxid.disturbance_bounds import Cautious
 from jaxid.foresight import Foresight, Servo, foreseen
 from jaxid.guarantee import identify_log, narrowed
@@ -51,6 +52,9 @@ class GuaranteedError(eqx.Module):
     speed: Scalar = eqx.field(converter=jnp.asarray)
     largest: bool = eqx.field(static=True, default=True)
     knots: int = eqx.field(static=True, default=150)
+
+    def __check_init__(self) -> None:
+        require_targets(self.system, self.targets)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
         """With jumps spread and the largest rounded upwards; exact without smoothing."""
@@ -105,6 +109,19 @@ class GuaranteedError(eqx.Module):
             return optimal(phi, delta, noise, box, np.eye(m), self.knots)
 
         return jax.pure_callback(solve, shapes, rows.regressors, rows.delta, noise, box)
+
+
+def require_targets(system: System, targets: Float[Array, "..."]) -> None:
+    """Refuse what no error can be compared with."""
+    if not is_concrete(targets):
+        return
+    right = jnp.shape(targets) == (len(system.names),)
+    right = right and bool(jnp.all(targets > 0) & jnp.any(jnp.isfinite(targets)))
+    require(
+        right,
+        f"Argument `targets` must be {len(system.names)} positive numbers, one per parameter, at "
+        f"least one of them finite, but is {jnp.asarray(targets).tolist()}.",
+    )
 
 
 def expected_error(

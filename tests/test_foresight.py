@@ -81,3 +81,13 @@ def test_its_slope_is_that_of_finite_differences(motion, servo, key):
     slope = float(jnp.vdot(jax.grad(position)(motion.jerk), direction))
     ends = [float(position(motion.jerk + sign * 0.01 * direction)) for sign in (1, -1)]
     assert (ends[0] - ends[1]) / 0.02 == pytest.approx(slope, rel=1e-5)
+
+
+def test_a_servo_that_cannot_be_is_refused(motion):
+    for wrong, word in (
+        (SERVO._replace(period=0.0007), "`period` must divide"),
+        (SERVO._replace(resolution=-1.0), "`resolution`"),
+        (SERVO._replace(velocity_error=-1.0), "`velocity_error`"),
+    ):
+        with pytest.raises(ValueError, match=word):
+            foreseen(motor.system(), motion, wrong)

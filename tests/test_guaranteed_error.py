@@ -139,3 +139,10 @@ def test_what_may_be_off_its_velocity_counts_with_the_larger_of_the_bounds(start
     )
     assert np.all(cautious >= bare * (1 - 1e-9))
     assert float(cautious[2]) > 1.005 * float(bare[2])
+
+
+@pytest.mark.parametrize("targets", [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0, 1.0], [np.inf] * 4])
+def test_targets_that_compare_nothing_are_refused(targets, key):
+    task = Task(motor.limits(), motor.boundary(), 60, motor.KNOT_PERIOD)
+    with pytest.raises(ValueError, match=r"`targets` must be 4 positive numbers"):
+        experiment.design_guaranteed(motor.system(), task, jnp.asarray(targets), key, FOLLOWING)
