@@ -22,7 +22,7 @@ from jaxid.trajectory import JerkTrajectory
 Numbers = Float[Array, " d"]
 Knots = Float[Array, " knots"]
 
-_HIGHEST = 15.0  # Hz, of a first or last frequency: the jerk limit leaves a fifth of a_max there
+_HIGHEST = 15.0  # Hz, of a first or last frequency: the jerk limit leaves a quarter of a_max there
 # of a register of five stages with feedback from the third: every pattern of five but one
 _REGISTER, _LENGTH = 5, 31
 
@@ -68,7 +68,7 @@ class Excitation(eqx.Module):
         return gentle + jax.nn.sigmoid(z) * (fast - gentle)
 
     def cycles(self, z: Scalar) -> Scalar:
-        """Of a whole motion: from z = −1 to 1, one to those of the highest frequency."""
+        """Of a whole motion: more than one, and fewer than those of the highest frequency."""
         share = jax.nn.sigmoid(2.0 * z)
         return (_HIGHEST * self.duration) ** share
 
