@@ -15,9 +15,6 @@ says which room may import from which; it is tested, and so is that nobody impor
     quantities <- -
     regressors <- quantities, ranges
     disturbance_bounds <- checks, quantities, ranges, regressors
-    quantities <- -
-    regressors <- quantities, ranges
-    disturbance_bounds <- checks, quantities, ranges, regressors
     system <- checks, disturbance_bounds, quantities, ranges, regressors
     trajectory <- checks, quantities
     limits <- checks, quantities, ranges, system, trajectory

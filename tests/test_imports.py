@@ -30,6 +30,7 @@ def imports_of(path: Path) -> set[str]:
 
 def test_every_module_imports_exactly_what_the_table_says():
     table = dict(rooms_of_the_docstring())
+    assert len(table) == len(rooms_of_the_docstring()), "a room is listed twice"
     modules = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"}
     assert set(table) == modules
     for name, imports in table.items():
