@@ -14,18 +14,20 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from experiments.linear_motor.designs import TOY
+from experiments.appraisals import rows_of
+from experiments.linear_motor.designs import TOY, with_starts
 from experiments.processes import each
 from jaxid import one_link_arm as arm
 from jaxid import report
 from jaxid.appraisal import Appraisal, appraise
 from jaxid.design import Effort
 from jaxid.estimate import Estimate
-from jaxid.experiment import STARTS, STEPS, design_guaranteed, design_motion, log_of, run
+from jaxid.experiment import log_of, run
 from jaxid.files import Cell as Value
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.floor import floor
 from jaxid.guarantee import assumptions, identify_log
+from jaxid.motion_design import design_guaranteed, design_motion
 from jaxid.problem import Task
 from jaxid.report import text_table
 from jaxid.runtime import configure
@@ -60,7 +62,11 @@ class Study:
 
     def path(self, design: str) -> Path:
         """Of a motion."""
-        return self.out / f"arm_{design}.csv"
+        return self.named(f"arm_{design}.csv")
+
+    def named(self, name: str) -> Path:
+        """A file; a toy's never takes the place of a real one."""
+        return self.out / (f"toy_{name}" if self.toy else name)
 
 
 def main(study: Study) -> None:
@@ -74,12 +80,15 @@ def main(study: Study) -> None:
     least = floor(system, arm.limits())
     worth = {name: appraise(system, motion, arm.servo(), least) for name, motion in motions.items()}
     proved, rests = experiment(motions[ALL])
-    tables = {"arm": (COLUMNS, appraised(worth)), "arm_proved": (PROVED, intervals(proved))}
+    tables = {
+        "arm": (COLUMNS, rows_of(worth, "design", system.names)),
+        "arm_proved": (PROVED, intervals(proved)),
+    }
     for name, (columns, rows) in tables.items():
-        write_table(study.out / f"{name}.csv", columns, rows)
+        write_table(study.named(f"{name}.csv"), columns, rows)
         print(text_table(columns, [[row[c] for c in columns] for row in rows]), end="\n\n")
     print("These intervals rest on:", *rests, sep="\n  ")
-    draw(study.out / "arm.png", motions[ALL], worth)
+    draw(study.named("arm.png"), motions[ALL], worth)
 
 
 def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
@@ -87,14 +96,12 @@ def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
     system = arm.system()
     task = Task(arm.limits(), arm.boundary(), INTERVALS, arm.KNOT_PERIOD)
     key = jax.random.fold_in(jax.random.key(study.seed), (*system.names, ALL).index(design))
-    effort, starts, steps = (TOY, 1, 1) if study.toy else (Effort(), STARTS, STEPS)
+    effort = TOY if study.toy else Effort()
     if design != ALL:
         return design, design_motion(system, task, design, key, effort=effort).trajectory
     targets = floor(system, task.limits).value
-    motion = design_guaranteed(
-        system, task, targets, key, arm.servo(), effort=effort, starts=starts, steps=steps
-    )
-    return design, motion
+    servo, tries = arm.servo(), with_starts(effort)
+    return design, design_guaranteed(system, task, targets, key, servo, effort=tries)
 
 
 def experiment(motion: JerkTrajectory) -> tuple[Estimate, tuple[str, ...]]:
@@ -104,22 +111,6 @@ def experiment(motion: JerkTrajectory) -> tuple[Estimate, tuple[str, ...]]:
     _, signals = run(arm.plant(), arm.controller(), encoder, motion, servo.period)
     log = log_of(signals, encoder, servo.period)
     return identify_log(system, log).estimate, assumptions(system, log)
-
-
-def appraised(worth: Mapping[str, Appraisal]) -> list[Row]:
-    """Every parameter of every design; gap = guaranteed/floor − 1."""
-    return [
-        {
-            "design": design,
-            "parameter": name,
-            "J_lse": float(one.error[k]),
-            "guaranteed": float(one.guaranteed[k]),
-            "floor": float(one.floor[k]),
-            "gap": float(one.gap[k]),
-        }
-        for design, one in worth.items()
-        for k, name in enumerate(arm.system().names)
-    ]
 
 
 def intervals(proved: Estimate) -> list[Row]:

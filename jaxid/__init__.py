@@ -13,9 +13,10 @@ says which room may import from which; it is tested, and so is that nobody impor
     checks <- -
     ranges <- -
     quantities <- -
-    regressors <- quantities, ranges
-    disturbance_bounds <- checks, quantities, ranges, regressors
-    system <- checks, disturbance_bounds, quantities, ranges, regressors
+    kinks <- quantities
+    regressors <- kinks, quantities, ranges
+    disturbance_bounds <- checks, kinks, quantities, ranges
+    system <- checks, disturbance_bounds, kinks, quantities, ranges, regressors
     trajectory <- checks, quantities
     limits <- checks, quantities, ranges, system, trajectory
     feasible <- checks, limits, trajectory
@@ -49,17 +50,20 @@ trajectory
     estimate <- bound, record, system
     log <- checks, quantities, ranges, system
     log_rows <- estimate, log, quantities, ranges, record, regressors, system
+    joint <- checks, log_rows, record
     modulating <- bound, log_rows
     feasible_set <- checks, disturbance_bounds, estimate, log_rows, modulating, quantities, \
 record, system
-    guarantee <- checks, estimate, log, log_rows, modulating, system
+    guarantee <- checks, estimate, joint, log, log_rows, modulating, system
     foresight <- checks, control, disturbance, log, loop, quantities, sensing, simulate, system, \
 trajectory
     guaranteed_error <- bound, checks, disturbance_bounds, foresight, guarantee, log, log_rows, \
 modulating, quantities, ranges, system, trajectory
-    appraisal <- floor, foresight, guarantee, objective, system, trajectory
-    experiment <- admissible, bound, checks, control, design, estimate, filters, foresight, \
-guaranteed_error, log, objective, polish, problem, record, sensing, simulate, system, trajectory
+    motion_design <- admissible, bound, checks, design, feasible, foresight, guaranteed_error, \
+objective, polish, problem, quantities, system, trajectory
+    appraisal <- checks, floor, foresight, guarantee, objective, system, trajectory
+    experiment <- bound, checks, control, estimate, filters, log, record, sensing, simulate, \
+system, trajectory
     files <- checks, trajectory
     blocks <- checks, files
     sweep <- checks, control, disturbance, estimate, feasible, filters, quantities, record, \
@@ -74,17 +78,18 @@ simulate, system
 """
 
 from jaxid.appraisal import Appraisal, appraise
+from jaxid.bound import Norm, infinity
 from jaxid.control import ARC, OpenLoop, PDFeedforward
 from jaxid.design import Design, Effort, design
 from jaxid.disturbance_bounds import ConstantBound, SpeedBand
 from jaxid.estimate import Estimate, estimate
 from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
-from jaxid.experiment import design_guaranteed, design_motion, identify, log_of, run
+from jaxid.experiment import identify, log_of, run
 from jaxid.feasible import InfeasibleError
 from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor, unlogged
 from jaxid.floor import Floor, floor
 from jaxid.foresight import Servo, foreseen
-from jaxid.guarantee import Guarantee, assumptions, identify_log
+from jaxid.guarantee import Guarantee, assumptions, identify_log, identify_logs
 from jaxid.guaranteed_error import GuaranteedError
 from jaxid.limits import (
     Boundary,
@@ -97,6 +102,7 @@ from jaxid.limits import (
 from jaxid.log import Brackets, Log, brackets
 from jaxid.loop import Loop, Sampled, Scenarios
 from jaxid.minimax import Optimum, minimax
+from jaxid.motion_design import GuaranteedEffort, design_guaranteed, design_motion
 from jaxid.objective import FilteredError, ThroughLoop, planned_error
 from jaxid.problem import Problem, Task
 from jaxid.refine import refine
@@ -126,6 +132,7 @@ __all__ = [
     "FilteredError",
     "Floor",
     "Guarantee",
+    "GuaranteedEffort",
     "GuaranteedError",
     "IdealSensor",
     "InfeasibleError",
@@ -134,6 +141,7 @@ __all__ = [
     "Log",
     "Loop",
     "Minimax",
+    "Norm",
     "OpenLoop",
     "Optimum",
     "PDFeedforward",
@@ -166,6 +174,8 @@ __all__ = [
     "foreseen",
     "identify",
     "identify_log",
+    "identify_logs",
+    "infinity",
     "log_of",
     "louder",
     "minimax",

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
+from jaxid.checks import require
 from jaxid.floor import Floor
 from jaxid.foresight import Servo, foreseen
 from jaxid.guarantee import identify_log
@@ -17,7 +18,9 @@ class Appraisal(NamedTuple):
 
     Attributes:
         error: J of (16), by least squares of exact signals.
-        guaranteed: what the log can be expected to prove, servo, encoder and prior box included.
+        guaranteed: what the log can be expected to prove, servo, encoder and prior box included:
+            exactly that of an undisturbed axis in the middle of its box. What a log of another axis
+            proves, `identify_log` says; it may be a little more or less.
         floor: what no motion within the limits and no estimator can promise to go below.
         estimated: parameters whose floor is an estimate.
     """
@@ -42,6 +45,12 @@ def appraise(system: System, trajectory: JerkTrajectory, servo: Servo, least: Fl
         servo: what runs it and keeps its log.
         least: `floor` of the system under its limits, of every parameter.
     """
+    names = system.names
+    require(
+        least.value.shape == (len(names),),
+        f"Argument `least` must be the floor of the parameters {', '.join(names)} themselves, one "
+        f"number each, but has {least.value.size}.",
+    )
     found = identify_log(system, foreseen(system, trajectory, servo)).estimate
     error = planned_error(system, trajectory)
     return Appraisal(error, found.half_length, least.value, least.estimated)

@@ -117,9 +117,16 @@ def individual(index: int, count: int) -> Norm:
 def infinity(scale: Float[Array, " m"]) -> Norm:
     """The ∞ norm of (13), each parameter divided by its own scale so that units do not matter.
 
-    A parameter of infinite scale is left out.
+    Args:
+        scale: of each parameter, positive, not traced; inf leaves one out.
     """
-    return Norm(jnp.diag(1 / jnp.asarray(scale))[np.isfinite(scale)])
+    counted = ~np.isinf(scale)
+    require(
+        counted.any() and np.all(np.asarray(scale) > 0),
+        f"Argument `scale` of a norm must be positive, at least one of them finite, but is "
+        f"{np.asarray(scale).tolist()}.",
+    )
+    return Norm(jnp.diag(1 / jnp.asarray(scale))[counted])
 
 
 def require_informative(rows: Rows, names: tuple[str, ...], scale: Float[Array, " m"]) -> None:

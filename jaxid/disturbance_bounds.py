@@ -1,15 +1,17 @@
 """δ: what everything unmodelled stays below, by position and velocity (3)."""
 
 import abc
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxid.checks import is_concrete, require
+from jaxid.kinks import Kinked
 from jaxid.quantities import Motion, Scalar
 from jaxid.ranges import Range, around, exactly, hull, plus, scaled, size
-from jaxid.regressors import Kinked
 
 
 class DisturbanceBound(eqx.Module):
@@ -66,6 +68,8 @@ class SpeedBand(DisturbanceBound, Kinked):
     def __check_init__(self) -> None:
         _require_positive("slow", self.slow)
         _require_positive("fast", self.fast)
+        _require_at_least_zero("threshold", self.threshold)
+        _require_at_least_zero("blend", self.blend)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         below = self.threshold - jnp.abs(velocity)
@@ -93,6 +97,9 @@ class Scaled(DisturbanceBound):
     bound: DisturbanceBound
     factor: Scalar = eqx.field(converter=jnp.asarray)
 
+    def __check_init__(self) -> None:
+        _require_positive("factor", self.factor)
+
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return self.factor * self.bound(position, velocity)
 
@@ -109,6 +116,9 @@ class Cautious(DisturbanceBound):
     bound: DisturbanceBound
     reach: Scalar = eqx.field(converter=jnp.asarray)
 
+    def __check_init__(self) -> None:
+        _require_at_least_zero("reach", self.reach)
+
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return self.range(exactly(position), exactly(velocity)).upper
 
@@ -121,10 +131,22 @@ class Cautious(DisturbanceBound):
         return f"{inner}, while the velocity is off by up to {float(self.reach):g} {speed}"
 
 
-def _require_positive(name: str, value: Scalar) -> None:
-    if is_concrete(value):
-        require(
-            0 < float(value) < float("inf"),
-            f"Argument `{name}` of a disturbance bound δ must be positive and finite, "
-            f"but is {float(value):g}.",
-        )
+def _require_positive(name: str, value: Motion) -> None:
+    _require_finite(name, value, "positive", lambda x: x > 0)
+
+
+def _require_at_least_zero(name: str, value: Motion) -> None:
+    _require_finite(name, value, "at least zero", lambda x: x >= 0)
+
+
+def _require_finite(
+    name: str, value: Motion, what: str, holds: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    if not is_concrete(value):
+        return
+    found = np.asarray(value)  # in jax it would be traced with what it belongs to
+    require(
+        np.all(holds(found) & np.isfinite(found)),
+        f"Argument `{name}` of a disturbance bound δ must be {what} and finite, "
+        f"but is {found.tolist()}.",
+    )

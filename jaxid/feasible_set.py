@@ -23,7 +23,7 @@ from jaxid.checks import require
 from jaxid.disturbance_bounds import Scaled
 from jaxid.estimate import Estimate
 from jaxid.log_rows import ROUNDED, Logged
-from jaxid.modulating import Program
+from jaxid.modulating import Program, pieces
 from jaxid.quantities import Scalar
 from jaxid.record import Record
 from jaxid.system import System
@@ -162,7 +162,8 @@ def _program(logged: Logged, knots: int | None) -> tuple[Program, Float[np.ndarr
     delta = np.asarray(rows.delta)
     noise = np.zeros(delta.size + 2) if channel is None else np.asarray(channel.bound)
     phi, box = np.asarray(rows.regressors), np.asarray(system.half_widths)
-    program = Program(phi, delta, noise, box, delta.size if knots is None else knots)
+    most, runs = delta.size if knots is None else knots, pieces(rows.measure)
+    program = Program(phi, delta, noise, box, most, runs)
     return program, np.asarray(logged.record.input) - phi @ np.asarray(system.centre)
 
 

@@ -95,12 +95,25 @@ class Servo(NamedTuple):
         """For motions as long as this one.
 
         Raises:
-            ValueError: if the period does not divide the duration, or a number is negative.
+            ValueError: if the period does not divide the duration into two ticks or more, or a
+                number is negative or not finite.
         """
         for name in ("resolution", "velocity_error"):
             value = getattr(self, name)
-            require(value >= 0, f"Argument `{name}` of a servo must be ≥ 0, but is {value:g}.")
+            require(
+                0 <= value < float("inf"),
+                f"Argument `{name}` of a servo must be at least zero and finite, but is {value:g}.",
+            )
+        require(
+            0 < self.period < float("inf"),
+            f"Argument `period` of a servo must be positive and finite, but is {self.period:g}.",
+        )
         count = ticks(trajectory, self.period)
+        require(
+            count >= 2,
+            f"Argument `period` of a servo must be half of the motion's duration, or less, but is "
+            f"{self.period:g} s for {float(trajectory.duration):g} s.",
+        )
         if self.controller is None:
             return Following(system, self.period, self.resolution, count)
         loop = Loop(self.controller, IdealSensor(), self.period, count)

@@ -1,5 +1,6 @@
 """From a log to intervals that hold for the axis in continuous time, encoder and servo included."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -7,6 +8,7 @@ import jax.numpy as jnp
 
 from jaxid.checks import require
 from jaxid.estimate import Estimate
+from jaxid.joint import joined
 from jaxid.log import Log, brackets
 from jaxid.log_rows import Logged, guaranteed, hats
 from jaxid.modulating import KNOTS, modulating
@@ -32,9 +34,6 @@ class Guarantee(NamedTuple):
 def identify_log(system: System, log: Log, knots: int = KNOTS) -> Guarantee:
     """Intervals for θ of every plant of a system that can have left a log.
 
-    The brackets of the motion are the narrower the smaller the box is, and a log makes the box
-    smaller: it is read again with the intervals that it has proved.
-
     Args:
         system: its box and δ, which the intervals rest on.
         log: inputs as held, positions as read.
@@ -43,9 +42,26 @@ def identify_log(system: System, log: Log, knots: int = KNOTS) -> Guarantee:
     Raises:
         ValueError: if no plant of the system can have left the log.
     """
+    return identify_logs(system, [log], knots)
+
+
+def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Guarantee:
+    """Intervals for θ of every plant of a system that can have left all of several logs.
+
+    The brackets of the motion are the narrower the smaller the box is, and a log makes the box
+    smaller: it is read again with the intervals that it has proved.
+
+    Args:
+        system: its box and δ, which the intervals rest on.
+        logs: of the same axis; their periods and encoders may differ.
+        knots: of the modulating functions, at most, for each log.
+
+    Raises:
+        ValueError: if no plant of the system can have left the logs.
+    """
     narrow, found, logged = system, None, None
     for _ in range(ROUNDS):
-        logged = hats(narrow, log, brackets(narrow, log))
+        logged = joined([hats(narrow, log, brackets(narrow, log)) for log in logs])
         found = guaranteed(logged, modulating(logged, system.half_widths, knots=knots))
         narrow = narrowed(system, found)
     assert found is not None

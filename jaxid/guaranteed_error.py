@@ -37,7 +37,8 @@ class GuaranteedError(eqx.Module):
 
     Attributes:
         system: with the prior box.
-        narrow: the system with the box that the log is expected to leave, for its brackets.
+        narrow: the system with the box that the log is expected to leave, for its brackets. Its δ
+            may be a `Cautious` one, so that no jump of it is relied upon.
         foresight: of the log.
         targets: of the m parameters, in their units; inf leaves one out.
         speed: m/s or rad/s, over which jumps are spread at smoothing 1.
@@ -57,7 +58,7 @@ class GuaranteedError(eqx.Module):
         require_targets(self.system, self.targets)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-        """With jumps spread and the largest rounded upwards; exact without smoothing."""
+        """With jumps spread and the largest rounded upwards; without smoothing neither is."""
         errors = self.errors(trajectory, smoothing)
         if not self.largest:
             return jnp.log(jnp.sum(errors / self.targets))
@@ -67,7 +68,11 @@ class GuaranteedError(eqx.Module):
         return jnp.where(smoothing > 0, rounded, jnp.max(logs))
 
     def errors(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " m"]:
-        """Of each parameter, with the slope of the least ones."""
+        """Of each parameter, with the slope of the least ones.
+
+        Without smoothing exactly what `identify_log` proves from the foreseen log, as far as
+        `narrow` is what that log leaves, with its own δ, and the knots are the same.
+        """
         logged = self._logged(trajectory, smoothing)
         half_widths = self.system.half_widths
         weights, dual = self._weights(stop_gradient(logged))

@@ -60,6 +60,10 @@ class Logged(eqx.Module):
     record: Record
     channels: dict[str, Channel]
 
+    def counted(self, weights: Float[Array, "k n"]) -> Float[Array, "k n"]:
+        """Without those of padding, whose rows say nothing, but which a stencil would meet."""
+        return jnp.where(self.record.rows.measure > 0, weights, 0.0)
+
     def shared(self, weights: Float[Array, "k n"]) -> Float[Array, " k"]:
         """The worst of all channels."""
         return sum((c.worst(weights) for c in self.channels.values()), jnp.zeros(len(weights)))
@@ -122,8 +126,9 @@ def guaranteed(logged: Logged, weights: Float[Array, "m n"]) -> Estimate:
     It rests on θ in the box, |Δ| ≤ δ at all times, an input that is held over each tick as
     commanded, positions read at the ticks to half a count, and on nothing else.
     """
-    found = estimate(logged.record, logged.system, weights)
-    bound = (found.bound + logged.shared(weights)) * (1 + ROUNDED)
+    counted = logged.counted(weights)
+    found = estimate(logged.record, logged.system, counted)
+    bound = (found.bound + logged.shared(counted)) * (1 + ROUNDED)
     return eqx.tree_at(lambda e: e.bound, found, bound)
 
 

@@ -21,6 +21,7 @@ from scipy.optimize import OptimizeResult, linprog
 from jaxid.bound import Norm
 from jaxid.log_rows import Logged
 
+Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
 KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
 
 
@@ -33,13 +34,21 @@ def modulating(
         logged: by `hats`.
         box: b, half the widths of the prior box, in the units of the parameters.
         norm: the functionals; without one, the m parameters themselves.
-        knots: at most.
+        knots: at most, of each log: several then never prove less than one of them.
     """
     rows, half_widths = logged.record.rows, np.asarray(box)
     functionals = np.eye(half_widths.size) if norm is None else np.asarray(norm.functionals)
     phi, delta = np.asarray(rows.regressors), np.asarray(rows.delta)
     noise = np.asarray(logged.channels["quantised ÿ"].bound)
-    return jnp.asarray(optimal(phi, delta, noise, half_widths, functionals, knots)[0])
+    runs = pieces(rows.measure)
+    return jnp.asarray(optimal(phi, delta, noise, half_widths, functionals, knots, runs)[0])
+
+
+def pieces(measure: Float[Array, " n"]) -> Pieces:
+    """The rows of each log: what padding parts."""
+    counted = np.pad(np.asarray(measure) > 0, 1).astype(int)
+    starts, stops = (np.flatnonzero(np.diff(counted) == sign) for sign in (1, -1))
+    return tuple(zip(starts.tolist(), stops.tolist(), strict=True))
 
 
 def optimal(
@@ -49,6 +58,7 @@ def optimal(
     half_widths: Float[np.ndarray, " m"],
     functionals: Float[np.ndarray, "k m"],
     knots: int,
+    runs: Pieces | None = None,
 ) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k m"]]:
     """Weights, and the multipliers ν of c − Φᵀg: what a change of Φ costs is −gν.
 
@@ -59,8 +69,9 @@ def optimal(
         half_widths: of the prior box.
         functionals: c.
         knots: at most.
+        runs: the rows of each log; default all rows of one.
     """
-    program = Program(phi, delta, noise, half_widths, knots)
+    program = Program(phi, delta, noise, half_widths, knots, runs)
     found = [program.least(c) for c in functionals]
     weights, multipliers = zip(*found, strict=True)
     return np.stack(weights), np.stack(multipliers)
@@ -76,9 +87,10 @@ class Program:
         noise: Float[np.ndarray, " samples"],
         half_widths: Float[np.ndarray, " m"],
         knots: int,
+        runs: Pieces | None = None,
     ) -> None:
         """The arguments are those of `optimal`."""
-        self.basis, kinks, second = _family(delta.size, knots)
+        self.basis, kinks, second = _family(delta.size, runs or ((0, delta.size),), knots)
         self.half_widths = half_widths
         self.delta = delta @ self.basis
         self.moments = half_widths[:, None] * (phi.T @ self.basis) / self.delta
@@ -147,10 +159,10 @@ class Program:
 
 
 class _Family(NamedTuple):
-    """Piecewise linear weights: hat functions of coarse knots, zero at 0 and count + 1.
+    """Piecewise linear weights: hat functions of coarse knots, zero outside of each log.
 
     Attributes:
-        basis: on the rows, which are the samples 1 … count.
+        basis: on the rows, which are the samples 1 … size.
         kinks: the samples, from 0 on and with two beyond the rows, where any of them turns.
         second: their second differences there.
     """
@@ -161,10 +173,15 @@ class _Family(NamedTuple):
 
 
 @functools.lru_cache(maxsize=4)
-def _family(count: int, most: int) -> _Family:
-    at = np.unique(np.linspace(0, count + 1, min(most, count) + 2).round())
-    samples = np.arange(1, count + 1)
-    basis = np.stack([np.interp(samples, at, unit) for unit in np.eye(len(at))[1:-1]], axis=1)
+def _family(size: int, runs: Pieces, most: int) -> _Family:
+    blocks = []
+    for start, stop in runs:
+        count = stop - start
+        at = np.unique(np.linspace(0, count + 1, min(most, count) + 2).round())
+        samples = np.arange(1, count + 1)
+        hats = [np.interp(samples, at, unit) for unit in np.eye(len(at))[1:-1]]
+        blocks.append(np.pad(np.stack(hats, axis=1), ((start, size - stop), (0, 0))))
+    basis = np.concatenate(blocks, axis=1)
     second = np.diff(np.pad(basis, ((2, 2), (0, 0))), 2, axis=0)
     second[np.abs(second) < 1e-12] = 0.0
     kinks = np.flatnonzero(np.any(second != 0, axis=1))

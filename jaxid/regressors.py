@@ -7,22 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxid.kinks import Kinked
 from jaxid.quantities import Interval, Motion, Scalar, as_interval
 from jaxid.ranges import Range, around, exactly, hull, plus, size
 
 _CELLS = 64  # per side, in which a user's own regressor is looked at for (18)
 _TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a range, if nothing is known of its slopes
-
-
-class Kinked(eqx.Module):
-    """Something that jumps with the speed and can be spread for a search by gradients."""
-
-    @abc.abstractmethod
-    def softened(self, speed: Motion) -> "Kinked":
-        """The same thing with its jumps spread over about `speed` (m/s or rad/s).
-
-        The speed may differ from sample to sample of the motion that it will be applied to.
-        """
 
 
 class Regressor(eqx.Module):

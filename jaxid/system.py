@@ -17,9 +17,10 @@ from jaxtyping import Array, Float
 
 from jaxid.checks import is_concrete, require, require_interval
 from jaxid.disturbance_bounds import DisturbanceBound
+from jaxid.kinks import Kinked
 from jaxid.quantities import Interval, Motion, as_interval, dot
 from jaxid.ranges import Range
-from jaxid.regressors import Kinked, Regressor
+from jaxid.regressors import Regressor
 
 Tree = TypeVar("Tree")
 

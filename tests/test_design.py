@@ -10,9 +10,9 @@ from jaxid.bound import individual, infinity
 from jaxid.descent import stages
 from jaxid.design import Effort, design
 from jaxid.dwells import Dwells, jerk_of
-from jaxid.experiment import design_motion
 from jaxid.feasible import interior, motion_space
 from jaxid.limits import worst_excess
+from jaxid.motion_design import design_motion
 from jaxid.objective import PlannedError, planned_error
 from jaxid.problem import Problem, Task
 from jaxid.starts import grown, rearranged

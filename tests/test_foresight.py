@@ -52,11 +52,15 @@ def test_a_controlled_one_leaves_what_a_run_leaves(motion):
     assert float(log.resolution) == SERVO.resolution
 
 
-@pytest.mark.parametrize("servo", [SERVO, CONTROLLED], ids=["following", "controlled"])
-def test_the_states_half_way_are_those_between_the_positions(motion, servo):
+@pytest.mark.parametrize(
+    ("servo", "tolerance"), [(SERVO, 1e-8), (CONTROLLED, 1e-3)], ids=["following", "controlled"]
+)
+def test_the_states_half_way_are_those_between_the_positions(motion, servo, tolerance):
     """Mean velocity and, from it, acceleration.
 
-    In one tick in which friction turns, the mean of the ends is 2e-4 m/s off the mean velocity.
+    In one tick in which friction turns, the mean of the ends is 2e-4 m/s off the mean velocity. A
+    second difference of positions is that of the two states half-way, but for a knot of the jerk
+    or a turn of friction in between: 4e-9 and 3e-4 m/s² in 98 % of all ticks.
     """
     log, states = servo.foresight(motor.system(), motion)(motion)
     h = servo.period
@@ -64,9 +68,11 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo):
         states.position, (log.position[1:] + log.position[:-1]) / 2, atol=1e-6
     )
     np.testing.assert_allclose(states.velocity, np.diff(log.position) / h, atol=3e-4)
-    np.testing.assert_allclose(
-        np.mean(states.acceleration[:1500]) * 1500 * h, states.velocity[1500], atol=0.01
-    )
+    mean = (states.acceleration[1:] + states.acceleration[:-1]) / 2
+    off = np.abs(np.diff(log.position, 2) / h**2 - mean)
+    assert np.quantile(off, 0.98) < tolerance
+    assert np.max(off) < 0.5
+    assert np.max(np.abs(mean)) > 40.0
 
 
 @pytest.mark.parametrize("servo", [SERVO, CONTROLLED], ids=["following", "controlled"])
@@ -86,8 +92,13 @@ def test_its_slope_is_that_of_finite_differences(motion, servo, key):
 def test_a_servo_that_cannot_be_is_refused(motion):
     for wrong, word in (
         (SERVO._replace(period=0.0007), "`period` must divide"),
+        (SERVO._replace(period=0.0), "`period` of a servo must be positive"),
+        (SERVO._replace(period=float("nan")), "`period` of a servo must be positive"),
+        (SERVO._replace(period=0.6), "`period` of a servo must be half"),
         (SERVO._replace(resolution=-1.0), "`resolution`"),
+        (SERVO._replace(resolution=float("nan")), "`resolution`"),
         (SERVO._replace(velocity_error=-1.0), "`velocity_error`"),
+        (SERVO._replace(velocity_error=float("inf")), "`velocity_error`"),
     ):
         with pytest.raises(ValueError, match=word):
             foreseen(motor.system(), motion, wrong)

@@ -6,18 +6,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import experiment
 from jaxid import linear_motor as motor
+from jaxid import motion_design
 from jaxid.admissible import inside
 from jaxid.files import read_trajectory
 from jaxid.foresight import foreseen
 from jaxid.guarantee import identify_log, narrowed
 from jaxid.guaranteed_error import GuaranteedError, expected_error
+from jaxid.limits import worst_excess
 from jaxid.polish import polish
 from jaxid.problem import Problem, Task
 
 FOLLOWING = motor.servo()
 CONTROLLED = FOLLOWING._replace(controller=motor.controller())
+QUICK = motion_design.GuaranteedEffort(starts=3, steps=1)
+TASK = Task(motor.limits(), motor.boundary(), 60, motor.KNOT_PERIOD)
 FLOOR = jnp.array([0.003375, 0.15842, 0.16690, 0.15])
 
 
@@ -101,15 +104,13 @@ def test_of_several_starts_the_one_is_kept_that_becomes_the_best(figures, monkey
     files = iter(["dbar", "infinity", "Fc"])
 
     def found(*arguments, **options):
-        return experiment.Design(
+        return motion_design.Design(
             read_trajectory(figures / f"trajectory_{next(files)}_N30.csv"), 0.0, ()
         )
 
-    monkeypatch.setattr(experiment, "design_motion", found)
-    system, limits = motor.system(), motor.limits()
-    task = Task(limits, motor.boundary(), 60, motor.KNOT_PERIOD)
-    motion = experiment.design_guaranteed(
-        system, task, FLOOR, key, FOLLOWING, starts=3, steps=1, report=(said := []).append
+    monkeypatch.setattr(motion_design, "design_motion", found)
+    motion = motion_design.design_guaranteed(
+        motor.system(), TASK, FLOOR, key, FOLLOWING, effort=QUICK, report=(said := []).append
     )
     assert len(said) == 4
     own = [
@@ -141,8 +142,54 @@ def test_what_may_be_off_its_velocity_counts_with_the_larger_of_the_bounds(start
     assert float(cautious[2]) > 1.005 * float(bare[2])
 
 
+def test_a_design_that_does_not_gain_returns_its_start(figures, start):
+    """A motion that has been polished to its end, and one polish of it that has no steps."""
+    idle = motion_design.GuaranteedEffort(steps=0)
+    padded = eqx.tree_at(
+        lambda t: (t.jerk, t.durations),
+        start,
+        (jnp.append(start.jerk, 0.0), jnp.append(start.durations, 0.0)),
+    )
+    found = motion_design.design_guaranteed(
+        motor.system(), TASK, FLOOR, padded, FOLLOWING, effort=idle
+    )
+    np.testing.assert_array_equal(found.jerk, start.jerk)
+
+
+def test_a_start_outside_of_the_limits_is_walked_back(start):
+    wild = eqx.tree_at(lambda t: t.jerk, start, 1.2 * start.jerk)
+    found = motion_design.design_guaranteed(
+        motor.system(), TASK, FLOOR, wild, FOLLOWING, effort=QUICK._replace(smoothings=(1e-3,))
+    )
+    assert float(worst_excess(TASK.limits, TASK.boundary, wild)) > 0.1
+    assert float(worst_excess(TASK.limits, TASK.boundary, found)) <= 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        (lambda t: eqx.tree_at(lambda t: t.start, t, t.start + 0.01), "`start` must begin in"),
+        (lambda t: eqx.tree_at(lambda t: t.durations, t, 2 * t.durations), "60 intervals of 0.01"),
+        (
+            lambda t: eqx.tree_at(
+                lambda t: (t.jerk, t.durations), t, (t.jerk[:59], t.durations[:59])
+            ),
+            "60 intervals of 0.01 s like the task, but has 59",
+        ),
+    ],
+)
+def test_a_start_for_another_task_is_refused(start, wrong, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        motion_design.design_guaranteed(motor.system(), TASK, FLOOR, wrong(start), FOLLOWING)
+
+
+def test_no_start_at_all_is_refused(key):
+    none = motion_design.GuaranteedEffort(starts=0)
+    with pytest.raises(ValueError, match="`starts` of an effort must be 1 or more, but is 0"):
+        motion_design.design_guaranteed(motor.system(), TASK, FLOOR, key, FOLLOWING, effort=none)
+
+
 @pytest.mark.parametrize("targets", [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0, 1.0], [np.inf] * 4])
 def test_targets_that_compare_nothing_are_refused(targets, key):
-    task = Task(motor.limits(), motor.boundary(), 60, motor.KNOT_PERIOD)
     with pytest.raises(ValueError, match=r"`targets` must be 4 positive numbers"):
-        experiment.design_guaranteed(motor.system(), task, jnp.asarray(targets), key, FOLLOWING)
+        motion_design.design_guaranteed(motor.system(), TASK, targets, key, FOLLOWING)

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 
 from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
-from jaxid.disturbance_bounds import Cautious, ConstantBound, SpeedBand
-from jaxid.experiment import design_motion
+from jaxid.disturbance_bounds import Cautious, ConstantBound, Scaled, SpeedBand
 from jaxid.limits import (
     Limits,
     Via,
     acceleration_limit,
     acceleration_limit_euclidean,
 )
+from jaxid.motion_design import design_motion
 from jaxid.problem import Task
 from jaxid.ranges import Range
 from jaxid.regressors import Constant, Viscous
@@ -82,12 +82,39 @@ def test_a_bad_box_is_refused(interval, sentence):
         )
 
 
-@pytest.mark.parametrize("level", [0.0, -0.1, float("inf")])
-def test_a_bad_delta_is_refused(level):
-    with pytest.raises(ValueError, match="δ must be positive and finite"):
-        ConstantBound(level)
-    with pytest.raises(ValueError, match="`fast`"):
-        SpeedBand(0.2, level, 0.1)
+NAN, INF = float("nan"), float("inf")
+STEP = SpeedBand(0.25, 0.15, 0.1)
+
+
+@pytest.mark.parametrize("level", [0.0, -0.1, INF, NAN])
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [
+        ("level", ConstantBound),
+        ("slow", lambda x: SpeedBand(x, 0.2, 0.1)),
+        ("fast", lambda x: SpeedBand(0.2, x, 0.1)),
+        ("factor", lambda x: Scaled(STEP, x)),
+    ],
+)
+def test_a_delta_that_is_not_positive_is_refused(name, made, level):
+    with pytest.raises(ValueError, match=f"`{name}` of a .* δ must be positive and finite, but is"):
+        made(level)
+
+
+@pytest.mark.parametrize("speed", [-0.1, INF, NAN])
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [
+        ("threshold", lambda x: SpeedBand(0.25, 0.15, x)),
+        ("blend", lambda x: SpeedBand(0.25, 0.15, 0.1, x)),
+        ("blend", lambda x: STEP.softened(jnp.array([0.0, x]))),
+        ("reach", lambda x: Cautious(STEP, x)),
+    ],
+)
+def test_a_delta_whose_speeds_would_make_it_too_small_is_refused(name, made, speed):
+    """With a threshold of NaN the bound at rest was that of fast motions."""
+    with pytest.raises(ValueError, match=f"`{name}` of a .* δ must be at least zero and finite"):
+        made(speed)
 
 
 @pytest.mark.parametrize(

@@ -28,10 +28,10 @@ from jaxid.admissible import walk
 from jaxid.bound import individual
 from jaxid.design import Design, Effort
 from jaxid.dwells import evolved
-from jaxid.experiment import design_motion
 from jaxid.feasible import InfeasibleError, interior, motion_space
 from jaxid.files import Cell as Value
 from jaxid.files import read_table, write_table
+from jaxid.motion_design import design_motion
 from jaxid.objective import PlannedError, planned_error
 from jaxid.problem import Problem, Task
 from jaxid.report import text_table

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 
+from experiments.appraisals import rows_of
 from experiments.linear_motor.certificates import Proof, Worth
 from experiments.linear_motor.designs import Cell
 from experiments.linear_motor.tables import Errors, Row, Table
@@ -28,19 +29,10 @@ def table_4(worths: Mapping[Cell, Worth]) -> Table:
     """What each design is worth by every estimator; gap = guaranteed/floor − 1."""
     rows: list[Row] = []
     for cell, (appraisal, errors) in worths.items():
-        for k, name in enumerate(motor.system().names):
-            rows.append(
-                {
-                    "design": cell.label,
-                    "parameter": name,
-                    "N": cell.horizon,
-                    "J_lse": float(appraisal.error[k]),
-                    **{c: float(errors[e][k]) for c, e in _ESTIMATORS.items()},
-                    "guaranteed": float(appraisal.guaranteed[k]),
-                    "floor": float(appraisal.floor[k]),
-                    "gap": float(appraisal.gap[k]),
-                }
-            )
+        appraised = rows_of({cell.label: appraisal}, "design", motor.system().names)
+        for k, row in enumerate(appraised):
+            others = {column: float(errors[name][k]) for column, name in _ESTIMATORS.items()}
+            rows.append({**row, **others, "N": cell.horizon})
     return Table(TABLE_4, rows)
 
 

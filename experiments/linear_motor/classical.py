@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxid.checks import require
 from jaxid.quantities import Scalar
 from jaxid.record import rows_of
 from jaxid.system import System, softened
@@ -28,6 +29,12 @@ class Information(eqx.Module):
     speed: Scalar = eqx.field(converter=jnp.asarray)
     nodes: int = eqx.field(static=True, default=5)
 
+    def __check_init__(self) -> None:
+        require(
+            self.criterion in ("D", "A", "E"),
+            f"Argument `criterion` must be D, A or E, but is {self.criterion!r}.",
+        )
+
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
         """Jumps are also spread over the speed that changes from node to node."""
         states, weights = trajectory.midpoints(self.nodes)
@@ -47,6 +54,5 @@ class Information(eqx.Module):
                 return -jnp.linalg.slogdet(P)[1] / (2 * P.shape[0])
             case "A":
                 return jnp.log(jnp.trace(jnp.linalg.inv(P))) / 2
-            case "E":
+            case _:
                 return -jnp.log(jnp.linalg.eigvalsh(P)[0]) / 2
-        raise ValueError(f"Argument `criterion` must be D, A or E, but is {self.criterion!r}.")

@@ -2,7 +2,9 @@
 
 All under the same limits, boundary conditions, duration, encoder and servo. Families of excitations
 are optimised for the criterion of our one motion, the largest guaranteed error relative to what is
-allowed, from as many starts and by as many evaluations; classical criteria by our own search.
+allowed, from as many starts and by as many evaluations. Motions by a classical criterion, or for
+least squares, are found for that by our own search; of the four that it finds, the one is shown
+that is best by our criterion. So a row may be better than ours in one parameter, never in all.
 """
 
 from collections.abc import Mapping
@@ -17,35 +19,38 @@ import tyro
 from jaxtyping import Array, Float, PRNGKeyArray
 from tqdm import tqdm
 
+from experiments.appraisals import rows_of
 from experiments.linear_motor import excitations
 from experiments.linear_motor.classical import Information
 from experiments.linear_motor.designs import (
     ALLOWED,
     HORIZON,
     ONE_MOTION,
+    STUDIED,
     TOY,
     Cell,
     trajectory_path,
+    with_starts,
 )
 from experiments.linear_motor.excitations import Excitation
 from experiments.linear_motor.family_search import Budget, best_members, polished_member
 from experiments.linear_motor.figures import SYMBOLS
-from experiments.linear_motor.tables import Row, Table
+from experiments.linear_motor.tables import Table
 from experiments.processes import each
 from jaxid import linear_motor as motor
 from jaxid import report
-from jaxid.admissible import inside
+from jaxid.admissible import inside, walk
 from jaxid.appraisal import Appraisal, appraise
 from jaxid.bound import infinity
 from jaxid.design import Effort, design
 from jaxid.dwells import MEMBERS, Dwells, jerk_of
-from jaxid.experiment import SMOOTHINGS, STARTS, STEPS, design_motion
 from jaxid.feasible import motion_space
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.floor import floor
 from jaxid.guaranteed_error import expected_error
+from jaxid.motion_design import GuaranteedEffort, design_motion
 from jaxid.objective import PlannedError
-from jaxid.problem import Objective, Task
+from jaxid.problem import Problem, Task
 from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory
 
@@ -86,7 +91,11 @@ class Compare:
         """Of a motion; ours is that of the study."""
         if excitation == OURS:
             return trajectory_path(self.motions, Cell(ONE_MOTION, HORIZON))
-        return self.out / f"compare_{excitation}.csv"
+        return self.named(f"compare_{excitation}.csv")
+
+    def named(self, name: str) -> Path:
+        """A file; a toy's never takes the place of a real one."""
+        return self.out / (f"toy_{name}" if self.toy else name)
 
 
 def main(options: Compare) -> None:
@@ -101,55 +110,65 @@ def main(options: Compare) -> None:
         name: appraise(motor.system(), read_trajectory(options.path(name)), motor.servo(), least)
         for name in EXCITATIONS
     }
-    table = table_5(worth)
-    write_table(options.out / "table5.csv", table.header, table.rows)
-    draw(options.out / "table5.png", worth)
+    table = Table(COLUMNS, rows_of(worth, "excitation", motor.system().names))
+    write_table(options.named("table5.csv"), table.header, table.rows)
+    draw(options.named("table5.png"), worth)
     print(table.text("Table 5: what each excitation guarantees, and how far above the floor"))
+    print("Largest of the guaranteed errors over what is allowed, by which members were chosen:")
+    for name, one in worth.items():
+        print(
+            f"  {name:12} {float(jnp.max(one.guaranteed / one.floor / jnp.asarray(ALLOWED))):.4f}"
+        )
 
 
 def searched(options: Compare, name: str) -> tuple[str, JerkTrajectory]:
-    """The best motion of one kind."""
-    system, limits = motor.system(), motor.limits()
+    """The best motion of one kind: of all that were found, the one that guarantees most."""
+    limits = motor.limits()
     task = Task(limits, motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
-    targets = jnp.asarray(ALLOWED) * floor(system, limits).value
+    targets = jnp.asarray(ALLOWED) * floor(motor.system(), limits).value
+    effort = with_starts(TOY if options.toy else Effort())
     key = jax.random.fold_in(jax.random.key(options.seed), EXCITATIONS.index(name))
-    keys = jax.random.split(key, 1 if options.toy else STARTS)
-    effort = TOY if options.toy else Effort()
-    if name in FAMILIES:
-        return name, member(name, task, targets, keys, effort)
-    found = [optimal(name, task, targets, key, effort) for key in keys]
-    return name, min(found, key=lambda one: one[0])[1]
+    find = members if name in FAMILIES else optimal
+    found = [
+        (_reached(task, targets, motion), k, motion)
+        for k, key in enumerate(jax.random.split(key, effort.starts))
+        for motion in find(name, task, targets, key, effort)
+    ]
+    return name, min(found)[-1]
 
 
 def optimal(
-    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, effort: Effort
-) -> tuple[float, JerkTrajectory]:
+    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, tries: GuaranteedEffort
+) -> list[JerkTrajectory]:
     """By one of the criteria of a motion alone, sought as a design is."""
-    system, speed = motor.system(), jnp.max(jnp.abs(task.limits.velocity))
+    system, effort = motor.system(), tries.search
     if name == LEAST_SQUARES:
         found = design_motion(system, task, infinity(targets), key, effort=effort)
     else:
-        coarse, fine = (Information(system, CRITERIA[name], speed, nodes) for nodes in (5, 64))
+        criterion, speed = CRITERIA[name], _fastest(task)
+        coarse, fine = (Information(system, criterion, speed, nodes) for nodes in (5, 64))
         found = design(coarse, task, key, fine=fine, effort=effort)
-    return found.value, found.trajectory
+    return [found.trajectory]
 
 
-def member(
-    name: str, task: Task, targets: Float[Array, " m"], keys: PRNGKeyArray, effort: Effort
-) -> JerkTrajectory:
-    """Of a family: as our one motion is found, by a search for least squares and a polish."""
-    system, speed = motor.system(), jnp.max(jnp.abs(task.limits.velocity))
-    problem = task.problem(PlannedError(system, infinity(targets), speed, 5))
-    deep, family = inside(problem, task.intervals, task.period), family_of(name, task)
-    found: list[tuple[float, int, JerkTrajectory]] = []
-    for k, key in enumerate(keys):
-        (z,) = best_members(problem, family, key, budget(effort), 1)
-        exact = task.problem(_expected(targets, family.trajectory(z), speed))
-        steps = STEPS if effort == Effort() else 1
-        motion = polished_member(exact, deep, family, z, steps, SMOOTHINGS)
-        value = task.problem(_expected(targets, motion, speed)).value(motion)
-        found.append((float(value), k, motion))
-    return min(found)[-1]
+def members(
+    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, tries: GuaranteedEffort
+) -> list[JerkTrajectory]:
+    """Of a family: as our one motion is found, by a search for least squares and two polishes.
+
+    Each of the best few is polished to its end, where for ours only the best of all is.
+    """
+    system, family, effort = motor.system(), family_of(name, task), tries.search
+    problem = task.problem(PlannedError(system, infinity(targets), _fastest(task), 5))
+    deep, found = inside(problem, task.intervals, task.period), []
+    best = best_members(problem, deep, family, key, budget(effort), effort.polished)
+    for z in best:
+        motion = walk(problem, deep, family.trajectory(z))
+        for smoothings in (tries.smoothings[:1], tries.smoothings[1:]):
+            exact = _expected(task, targets, motion)
+            z, motion = polished_member(exact, deep, family, z, tries.steps, smoothings)
+        found.append(motion)
+    return found
 
 
 def family_of(name: str, task: Task) -> Excitation:
@@ -174,28 +193,11 @@ def budget(effort: Effort) -> Budget:
     return Budget(bred + random + rounds, bred * effort.generations + descents)
 
 
-def table_5(worth: Mapping[str, Appraisal]) -> Table:
-    """Errors of every parameter; gap = guaranteed/floor − 1."""
-    rows: list[Row] = [
-        {
-            "excitation": excitation,
-            "parameter": name,
-            "J_lse": float(one.error[k]),
-            "guaranteed": float(one.guaranteed[k]),
-            "gap": float(one.gap[k]),
-        }
-        for excitation, one in worth.items()
-        for k, name in enumerate(motor.system().names)
-    ]
-    return Table(COLUMNS, rows)
-
-
 def draw(path: Path, worth: Mapping[str, Appraisal]) -> None:
     """Bars: how far above the floor, one panel per parameter that the motion decides about."""
-    names = motor.system().names[:3]
-    canvas, panels = report.figure(1, len(names), (11.0, 4.6))
+    canvas, panels = report.figure(1, len(STUDIED), (11.0, 4.6))
     y = np.arange(len(worth))
-    for k, (panel, name) in enumerate(zip(panels, names, strict=True)):
+    for k, (panel, name) in enumerate(zip(panels, STUDIED, strict=True)):
         gaps = [100 * float(one.gap[k]) for one in worth.values()]
         colours = [report.RED if excitation == OURS else report.BLUE for excitation in worth]
         bars = panel.barh(y, gaps, color=colours)
@@ -207,8 +209,18 @@ def draw(path: Path, worth: Mapping[str, Appraisal]) -> None:
     report.save(canvas, path)
 
 
-def _expected(targets: Float[Array, " m"], motion: JerkTrajectory, speed: Array) -> Objective:
-    return expected_error(motor.system(), targets, motion, motor.servo(), speed)
+def _expected(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> Problem:
+    """The criterion of our one motion, for motions near to another one."""
+    speed = _fastest(task)
+    return task.problem(expected_error(motor.system(), targets, motion, motor.servo(), speed))
+
+
+def _reached(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> float:
+    return float(_expected(task, targets, motion).value(motion))
+
+
+def _fastest(task: Task) -> Array:
+    return jnp.max(jnp.abs(task.limits.velocity))
 
 
 if __name__ == "__main__":

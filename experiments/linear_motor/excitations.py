@@ -116,7 +116,7 @@ class Fourier(Excitation):
 
 
 class PRBS(Excitation):
-    """A pseudo-random binary sequence of length 31, its edges as steep as the jerk allows.
+    """A pseudo-random binary sequence of length 31, at full amplitude as steep as the jerk allows.
 
     Free: clock period, where in the sequence it begins, amplitude, mean, move.
     """
@@ -135,7 +135,7 @@ class PRBS(Excitation):
 
 
 class BangBang(Excitation):
-    """Full acceleration to one side and the other, its edges as steep as the jerk allows.
+    """Full acceleration to one side and the other, at its fullest as steep as the jerk allows.
 
     Free: eleven switching times, the two levels. It moves there and back by itself.
     """

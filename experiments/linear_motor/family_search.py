@@ -39,12 +39,18 @@ class Budget(NamedTuple):
 
 
 def best_members(
-    problem: Problem, family: Excitation, key: PRNGKeyArray, budget: Budget, count: int
+    problem: Problem,
+    inside: JerkTrajectory,
+    family: Excitation,
+    key: PRNGKeyArray,
+    budget: Budget,
+    count: int,
 ) -> list[Numbers]:
-    """The numbers of the best few, by the problem's objective and limits.
+    """The numbers of the best few, each walked back into the limits.
 
     Args:
         problem: to solve.
+        inside: a strictly admissible motion.
         family: of motions.
         key: of the starts.
         budget: for starts and descent.
@@ -55,7 +61,7 @@ def best_members(
     # the worse half is given up twice
     steps = -(-(budget.evaluations - budget.starts) // (_CHOSEN + _CHOSEN // 2 + _CHOSEN // 4))
     z = descend(problem, family, z, 3, steps)
-    return list(z[jnp.argsort(_merits(problem, family, z))[:count]])
+    return list(z[jnp.argsort(_values(problem, inside, family, z))[:count]])
 
 
 def polished_member(
@@ -65,8 +71,8 @@ def polished_member(
     z: Numbers,
     steps: int,
     smoothings: Sequence[float],
-) -> JerkTrajectory:
-    """Improve one member; of the motions on the way, walked back into the limits, the best.
+) -> tuple[Numbers, JerkTrajectory]:
+    """Improve one member; of those on the way, walked back into the limits, the best.
 
     Args:
         problem: its objective smoothed, its limits kept exactly by what is returned.
@@ -76,7 +82,7 @@ def polished_member(
         steps: linear programs, at most, per smoothing.
         smoothings: of the objective, one after the other.
     """
-    found = walk(problem, inside, family.trajectory(z))
+    best, found = z, walk(problem, inside, family.trajectory(z))
     value = float(problem.value(found))
     limits = inequalities(problem.limits, problem.boundary, found.jerk.size, _period(found))
     for smoothing in map(jnp.asarray, smoothings):
@@ -94,8 +100,8 @@ def polished_member(
                 at, z = trial, jnp.asarray(trial.jerk)
                 motion = walk(problem, inside, family.trajectory(z))
                 if (reached := float(problem.value(motion))) < value:
-                    value, found = reached, motion
-    return found
+                    value, best, found = reached, z, motion
+    return best, found
 
 
 def _period(motion: JerkTrajectory) -> float:
@@ -148,3 +154,13 @@ def _merits(problem: Problem, family: Excitation, z: Float[Array, "k d"]) -> Flo
         return problem.merit(family.trajectory(z), _SMOOTHING)
 
     return jax.lax.map(merit, z, batch_size=16)
+
+
+@eqx.filter_jit
+def _values(
+    problem: Problem, inside: JerkTrajectory, family: Excitation, z: Float[Array, "k d"]
+) -> Float[Array, " k"]:
+    def value(z: Numbers) -> Scalar:
+        return problem.value(walk(problem, inside, family.trajectory(z)))
+
+    return jax.lax.map(value, z, batch_size=16)

@@ -15,6 +15,7 @@ import tyro
 from jaxtyping import Array, Bool, Float
 from tqdm import tqdm
 
+import jaxid
 from experiments.linear_motor import simulated_logs
 from experiments.linear_motor.simulated_logs import Motions
 from experiments.processes import each
@@ -40,6 +41,7 @@ COLUMNS = (
     "intervals", "parameter", "logs", "outside", "half_length_median", "half_length_most",
     "median_over_floor", "most_over_floor",
 )  # fmt: skip
+CODE = (Path(__file__), Path(simulated_logs.__file__))
 USUAL = 500  # of the logs: the one motion, under cogging and friction
 
 Intervals = Mapping[str, tuple[Float[Array, " m"], Float[Array, " m"]]]
@@ -69,10 +71,11 @@ class Honest:
 
     @property
     def folder(self) -> Path:
-        """The finished blocks of a run under way; one of other motions or options has another."""
+        """The finished blocks of a run under way; other motions, options or code have another."""
         asked = repr((self.logs, self.seed, self.knots, self.block)).encode()
         digest = hashlib.sha256(asked)
-        for path in simulated_logs.paths(self.motions):
+        code = (*sorted(Path(jaxid.__file__).parent.glob("*.py")), *CODE)
+        for path in (*simulated_logs.paths(self.motions), *code):
             digest.update(path.read_bytes())
         return self.out / f"honest_{digest.hexdigest()[:16]}.blocks"
 
@@ -142,7 +145,8 @@ def judged(options: Honest, motions: Motions, members: range) -> Found:
 def intervals(log: Log, knots: int) -> Intervals:
     """Of one log, by all estimators: those of `PROMISED` and of `BARE`.
 
-    Each is θ̂ ± bound, without the box: it may not be what keeps a truth inside.
+    Each is θ̂ ± bound, without the box, which may not be what keeps a truth inside; only all that is
+    possible has no meaning without it.
     """
     found = identify_log(motor.system(), log, knots)
     left = feasible_set(found.logged, [found.estimate], knots)

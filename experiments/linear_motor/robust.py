@@ -20,10 +20,10 @@ from jaxid.axis_conditions import perfect
 from jaxid.checks import require
 from jaxid.design import Effort as SearchEffort
 from jaxid.disturbance import AgainstTracking, Disturbance, NoDisturbance
-from jaxid.experiment import design_motion
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.limits import Limits, Prediction, shrunk
 from jaxid.loop import excesses, random_scenarios
+from jaxid.motion_design import design_motion
 from jaxid.objective import planned_error
 from jaxid.problem import Problem, Task
 from jaxid.refine import Effort, refine

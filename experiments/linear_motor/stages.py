@@ -20,10 +20,10 @@ from jaxid.admissible import inside
 from jaxid.axis_conditions import Frozen, frozen, perfect
 from jaxid.design import Effort as SearchEffort
 from jaxid.design import design
-from jaxid.experiment import design_motion
 from jaxid.files import read_trajectory
 from jaxid.limits import Limits
 from jaxid.loop import Sampled
+from jaxid.motion_design import design_motion
 from jaxid.objective import PerfectTracking, ThroughLoop
 from jaxid.problem import Objective, Problem, Task
 from jaxid.refine import Effort, Refined, refine

@@ -1,0 +1,119 @@
+"""Several logs together: each keeps its own errors, and together they prove more than any alone."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import uniform_in_box
+
+from jaxid import linear_motor as motor
+from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares
+from jaxid.experiment import log_of, run
+from jaxid.feasible_set import feasible_set, unlogged
+from jaxid.files import read_trajectory
+from jaxid.guarantee import identify_log, identify_logs
+from jaxid.joint import joined
+from jaxid.log import brackets
+from jaxid.log_rows import boxes, guaranteed, hats
+from jaxid.modulating import pieces
+from jaxid.sensing import Encoder
+from jaxid.simulate import Plant
+
+SYSTEM = motor.system()
+SERVOS = ((0.5e-6, 0.0002), (5e-6, 0.0004))  # two logs need not come from the same
+KNOTS = 60
+
+
+def logs_of(figures, theta, disturbances):
+    """Of the motions for M and for B, by two servos."""
+    found = []
+    for name, (resolution, period), disturbance in zip("MB", SERVOS, disturbances, strict=True):
+        encoder = Encoder(resolution)
+        motion = read_trajectory(figures / f"trajectory_{name}_N30.csv")
+        plant = Plant(SYSTEM, theta, disturbance)
+        _, signals = run(plant, motor.controller(), encoder, motion, period)
+        found.append(log_of(signals, encoder, period))
+    return found
+
+
+@pytest.fixture(scope="module")
+def logs(figures):
+    return logs_of(figures, jnp.asarray(motor.TRUE_PARAMETERS), (NoDisturbance(), NoDisturbance()))
+
+
+def rows(way, log):
+    return way(SYSTEM, log, brackets(SYSTEM, log))
+
+
+@pytest.mark.parametrize("way", [hats, boxes])
+def test_any_weights_mean_what_they_mean_log_by_log(way, logs, key):
+    """Sums over the logs, in which those on the rows between them have no part."""
+    parts = [rows(way, log) for log in logs]
+    together = joined(parts)
+    counts = [part.record.input.size for part in parts]
+    weights = 1e-3 * jax.random.normal(key, (4, sum(counts) + 2))
+    split = [weights[:, : counts[0]], weights[:, counts[0] + 2 :]]
+    found = guaranteed(together, weights)
+    box = SYSTEM.half_widths
+    mean, bound, taken = jnp.zeros(4), jnp.zeros(4), jnp.zeros((4, 4))
+    for part, own in zip(parts, split, strict=True):
+        phi, u = part.record.rows.regressors, part.record.input
+        mean += own @ (u - phi @ SYSTEM.centre)
+        taken += own @ phi
+        bound += jnp.abs(own) @ part.record.rows.delta + part.shared(own)
+    bound += jnp.abs(jnp.eye(4) - taken) @ box
+    np.testing.assert_allclose(found.theta, SYSTEM.centre + mean, rtol=1e-9)
+    np.testing.assert_allclose(found.bound, bound, rtol=1e-8)
+    n = counts[0]
+    assert pieces(together.record.rows.measure) == ((0, n), (n + 2, n + 2 + counts[1]))
+
+
+def test_together_they_prove_more_than_each(logs):
+    """Of every parameter what the better one proves, and of B more."""
+    shares = (80, 40)  # of the knots: the second log has half as many ticks
+    alone = [identify_log(SYSTEM, log, own).estimate for log, own in zip(logs, shares, strict=True)]
+    together = identify_logs(SYSTEM, logs, KNOTS)
+    best = jnp.minimum(*(found.bound for found in alone))
+    assert np.all(together.estimate.bound <= best * (1 + 1e-6))
+    assert float(together.estimate.bound[1]) < 0.998 * float(best[1])
+    left = feasible_set(together.logged, [together.estimate], KNOTS)
+    for found in alone:
+        own = feasible_set(rows(hats, logs[0]), knots=KNOTS), found
+        assert np.all(left.upper - left.lower <= 1.001 * (own[0].upper - own[0].lower))
+
+
+def test_no_truth_is_outside_of_what_they_prove_together(figures, key):
+    """Random motors, each of whose logs another force disturbs."""
+    keys = jax.random.split(key, 5)
+    for own, theta in zip(
+        keys, uniform_in_box(key, SYSTEM.lower, SYSTEM.upper, len(keys)), strict=True
+    ):
+        logs = logs_of(figures, theta, (random_shares(own, 3000), AgainstTracking(10.0)))
+        found = identify_logs(SYSTEM, logs, KNOTS)
+        left = feasible_set(found.logged, [found.estimate], KNOTS)
+        assert np.all(jnp.abs(found.estimate.theta - theta) <= found.estimate.bound)
+        assert np.all((left.lower <= theta) & (theta <= left.upper))
+
+
+def test_logs_of_two_motors_contradict_each_other(figures, logs):
+    """One twice as heavy as the other: neither log alone is impossible, the pair is."""
+    heavy = jnp.asarray(motor.TRUE_PARAMETERS).at[0].set(0.1)
+    other = logs_of(figures, heavy, (NoDisturbance(), NoDisturbance()))
+    pair = [rows(hats, log) for log in (logs[0], other[0])]
+    for single in pair:
+        feasible_set(single, knots=KNOTS)
+    with pytest.raises(ValueError, match="no θ of the box can have left these data"):
+        feasible_set(joined(pair), knots=KNOTS)
+
+
+def test_what_cannot_be_joined_is_refused(logs):
+    with pytest.raises(ValueError, match="one log at least"):
+        joined([])
+    one, other = (rows(hats, log) for log in logs)
+    narrow = eqx.tree_at(lambda s: s.terms[0].interval, SYSTEM, jnp.array([0.11, 0.13]))
+    strange = eqx.tree_at(lambda x: x.system, other, narrow)
+    for wrong in (strange, rows(boxes, logs[1]), unlogged(SYSTEM, other.record)):
+        with pytest.raises(ValueError, match="rows of one kind, made with the same system"):
+            joined([one, wrong])
+    assert joined([one]) is one
