@@ -24,13 +24,13 @@ endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; fo
 honest: $(READY)  ## intervals from 10,000 simulated logs beside the truths; goes on where it stopped
 	$(BIN)/python -m experiments.linear_motor.honest
 
-compare: $(READY)  ## chirps, multisines and other excitations, each optimised, beside ours; six minutes
+compare: $(READY)  ## chirps, multisines and other excitations, each optimised, beside ours; twelve minutes
 	$(BIN)/python -m experiments.linear_motor.compare
 
 sensors: $(READY)  ## what a guarantee costs over encoder resolutions and servo periods; two minutes
 	$(BIN)/python -m experiments.linear_motor.sensors
 
-sequential: $(READY)  ## three experiments, each for the box that the one before left; five minutes
+sequential: $(READY)  ## three experiments, each under limits that the ones before have widened; eight minutes
 	$(BIN)/python -m experiments.linear_motor.sequential
 
 arm: $(READY)  ## the second axis: designs, how good they are, and what one run proves; three minutes

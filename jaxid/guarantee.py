@@ -69,12 +69,12 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
     return Guarantee(found, logged)
 
 
-def assumptions(system: System, log: Log) -> tuple[str, ...]:
-    """What the intervals from a log rest on: sentences to print beside them.
+def assumptions(system: System, *logs: Log) -> tuple[str, ...]:
+    """What the intervals from logs rest on: sentences to print beside them.
 
     Args:
         system: with the prior box.
-        log: that was read.
+        logs: that were read, alone or together.
     """
     length = "m" if system.coordinate == "linear" else "rad"
     box = ", ".join(
@@ -82,9 +82,7 @@ def assumptions(system: System, log: Log) -> tuple[str, ...]:
         for term, low, high in zip(system.terms, system.lower, system.upper, strict=True)
     )
     most = system.disturbance_bound.describe(system.input_unit, f"{length}/s")
-    encoder = (
-        f"to {float(log.resolution) / 2:.4g} {length}" if float(log.resolution) > 0 else "exactly"
-    )
+    together = ("All logs are of one axis, whose parameters stayed the same.",)
     estimated = (
         f"What multiplies {name} is estimated by samples: its slopes were not bounded."
         for name in system.estimated
@@ -92,9 +90,18 @@ def assumptions(system: System, log: Log) -> tuple[str, ...]:
     return (
         f"The box: {box}.",
         f"Everything unmodelled is at all times at most δ: {most}.",
+        *dict.fromkeys(sentence for log in logs for sentence in _of_the_servo(log, length)),
+        *(together if len(logs) > 1 else ()),
+        *estimated,
+    )
+
+
+def _of_the_servo(log: Log, length: str) -> tuple[str, str]:
+    half = float(log.resolution) / 2
+    encoder = f"to {half:.4g} {length}" if half > 0 else "exactly"
+    return (
         f"The input acts as commanded, without delay, and is held for {float(log.period):g} s.",
         f"The encoder reads the position at the beginning of each hold, {encoder}.",
-        *estimated,
     )
 
 

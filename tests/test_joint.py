@@ -12,7 +12,7 @@ from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares
 from jaxid.experiment import log_of, run
 from jaxid.feasible_set import feasible_set, unlogged
 from jaxid.files import read_trajectory
-from jaxid.guarantee import identify_log, identify_logs
+from jaxid.guarantee import assumptions, identify_log, identify_logs
 from jaxid.joint import joined
 from jaxid.log import brackets
 from jaxid.log_rows import boxes, guaranteed, hats
@@ -117,3 +117,11 @@ def test_what_cannot_be_joined_is_refused(logs):
         with pytest.raises(ValueError, match="rows of one kind, made with the same system"):
             joined([one, wrong])
     assert joined([one]) is one
+
+
+def test_what_several_logs_rest_on_is_said_once(logs):
+    said = assumptions(SYSTEM, logs[0], logs[1], logs[0])
+    assert len(said) == 2 + 2 * 2 + 1
+    assert "one axis, whose parameters stayed the same" in said[-1]
+    assert [line for line in said if "0.0004 s" in line or "2.5e-06 m" in line] == list(said[4:6])
+    assert len(assumptions(SYSTEM, logs[0])) == 4
