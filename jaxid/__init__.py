@@ -64,6 +64,7 @@ objective, polish, problem, quantities, system, trajectory
     appraisal <- checks, floor, foresight, guarantee, objective, system, trajectory
     experiment <- bound, checks, control, estimate, filters, log, record, sensing, simulate, \
 system, trajectory
+    axis_file <- disturbance_bounds, foresight, limits, problem, regressors, system, trajectory
     files <- checks, trajectory
     blocks <- checks, files
     sweep <- checks, control, disturbance, estimate, feasible, filters, quantities, record, \
@@ -78,6 +79,7 @@ simulate, system
 """
 
 from jaxid.appraisal import Appraisal, appraise
+from jaxid.axis_file import Axis, read_axis
 from jaxid.bound import Norm, infinity
 from jaxid.control import ARC, OpenLoop, PDFeedforward
 from jaxid.design import Design, Effort, design
@@ -106,7 +108,7 @@ from jaxid.motion_design import GuaranteedEffort, design_guaranteed, design_moti
 from jaxid.objective import FilteredError, ThroughLoop, planned_error
 from jaxid.problem import Problem, Task
 from jaxid.refine import refine
-from jaxid.regressors import Constant, Coulomb, Custom, Sine, Viscous
+from jaxid.regressors import Constant, Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.simulate import Plant
 from jaxid.system import System, Term
@@ -116,6 +118,7 @@ __all__ = [
     "ARC",
     "ESTIMATORS",
     "Appraisal",
+    "Axis",
     "Boundary",
     "Brackets",
     "Constant",
@@ -142,6 +145,7 @@ __all__ = [
     "Loop",
     "Minimax",
     "Norm",
+    "OneWay",
     "OpenLoop",
     "Optimum",
     "PDFeedforward",
@@ -150,8 +154,10 @@ __all__ = [
     "Sampled",
     "Scenarios",
     "Servo",
+    "Sign",
     "Sine",
     "SpeedBand",
+    "Spring",
     "System",
     "Task",
     "Term",
@@ -181,6 +187,7 @@ __all__ = [
     "minimax",
     "planned_error",
     "position_at_least",
+    "read_axis",
     "refine",
     "run",
     "smallest_factor",

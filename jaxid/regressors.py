@@ -1,6 +1,7 @@
 """What multiplies the unknown parameters: known functions of position and velocity."""
 
 import abc
+import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -142,22 +143,103 @@ class Constant(Regressor):
         return exactly(jnp.ones_like(velocity.lower))
 
 
-class Sine(Regressor):
-    """f = sin(y + phase): gravity on a joint (y in rad; phase = π/2 makes it a cosine)."""
+class Sign(Regressor):
+    """f = sign(ẏ): dry friction, which at rest may be anything from −1 to 1.
 
-    phase: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+    A simulation takes zero there. For a search by gradients `Coulomb` with a large β is the better
+    choice, since the slope of a sign is zero.
+    """
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
-        return jnp.sin(position + self.phase)
+        return jnp.sign(velocity)
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
         return jnp.ones(())
 
     def range(self, position: Range, velocity: Range) -> Range:
-        low, high = (x + self.phase for x in position)
+        lower, upper = velocity
+        return Range(jnp.where(lower > 0, 1.0, -1.0), jnp.where(upper < 0, -1.0, 1.0))
+
+
+class Spring(Regressor):
+    """f = y − rest."""
+
+    rest: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        return position - self.rest
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        return jnp.max(jnp.abs(position - self.rest))
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        return Range(position.lower - self.rest, position.upper - self.rest)
+
+
+class OneWay(Regressor):
+    """Another regressor while the axis moves forward, or backward, and zero otherwise.
+
+    Two of them make friction that depends on the direction.
+
+    Attributes:
+        regressor: of velocity, zero at rest unless it jumps there.
+        forward: ẏ > 0; or else ẏ < 0.
+    """
+
+    regressor: Regressor
+    forward: bool = eqx.field(static=True, default=True)
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        moves = velocity > 0 if self.forward else velocity < 0
+        return jnp.where(moves, self.regressor(position, velocity), 0.0)
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        return self.regressor.magnitude(position, velocity)
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        lower, upper = velocity
+        clip = jnp.maximum if self.forward else jnp.minimum
+        moving = self.regressor.range(position, Range(clip(lower, 0.0), clip(upper, 0.0)))
+        always = lower > 0 if self.forward else upper < 0
+        never = upper < 0 if self.forward else lower > 0
+        with_rest = hull(moving, exactly(jnp.zeros_like(lower)))
+        return Range(
+            *(
+                jnp.where(never, 0.0, jnp.where(always, inner, outer))
+                for inner, outer in zip(moving, with_rest, strict=True)
+            )
+        )
+
+    @property
+    def proved(self) -> bool:
+        return self.regressor.proved
+
+
+class Sine(Regressor):
+    """f = sin(2π y/pitch + phase): gravity on a joint (y in rad), or a harmonic of cogging.
+
+    Attributes:
+        phase: π/2 makes it a cosine.
+        pitch: m or rad until it repeats; default 2π.
+    """
+
+    phase: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+    pitch: Scalar = eqx.field(converter=jnp.asarray, default=2 * math.pi)
+
+    def __call__(self, position: Motion, velocity: Motion) -> Motion:
+        return jnp.sin(self._angle(position))
+
+    def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        return jnp.ones(())
+
+    def range(self, position: Range, velocity: Range) -> Range:
+        low, high = (self._angle(x) for x in position)
         ends = hull(exactly(jnp.sin(low)), exactly(jnp.sin(high)))
         crest, trough = (_holds_multiple(low - x, high - x) for x in (jnp.pi / 2, -jnp.pi / 2))
         return Range(jnp.where(trough, -1.0, ends.lower), jnp.where(crest, 1.0, ends.upper))
+
+    def _angle(self, position: Motion) -> Motion:
+        return 2 * math.pi / self.pitch * position + self.phase
 
 
 def _holds_multiple(low: Motion, high: Motion) -> Array:

@@ -10,7 +10,7 @@ from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
 from jaxid.disturbance_bounds import SpeedBand
 from jaxid.ranges import Range, around, common, exactly, hull, minus, plus, scaled, size, times
-from jaxid.regressors import Coulomb, Sine
+from jaxid.regressors import Coulomb, OneWay, Sign, Sine, Spring, Viscous
 
 ends = st.floats(-3.0, 3.0, allow_subnormal=False)
 pairs = st.tuples(ends, ends).map(sorted)
@@ -66,6 +66,10 @@ FORCES = {
     "constant": motor.system().terms[3].regressor,
     "sine": Sine(),
     "cosine": Sine(np.pi / 2),
+    "cogging": Sine(0.3, 0.7),
+    "spring": Spring(0.4),
+    "viscous forward": OneWay(Viscous()),
+    "coulomb backward": OneWay(Coulomb(3.0), forward=False),
 }
 
 
@@ -83,3 +87,21 @@ def test_ranges_of_regressors_and_bounds(name, position, velocity):
     # as tight as the sampling can tell, but for a jump that lies between two samples
     if "motor" not in name and name != "rising":
         assert float(found.upper - found.lower) <= np.ptp(values) + 0.02
+
+
+@given(pairs, ends)
+def test_dry_friction_may_be_anything_at_rest(velocity, position):
+    """Moving, it is the sign; in both directions together one-way frictions are it."""
+    v, y = as_range(velocity), exactly(jnp.asarray(position))
+    found = Sign().range(y, v)
+    at_rest = velocity[0] <= 0 <= velocity[1]
+    expected = (-1.0, 1.0) if at_rest else (np.sign(velocity[0]), np.sign(velocity[1]))
+    assert (float(found.lower), float(found.upper)) == expected
+    speeds = jnp.asarray(samples(v))
+    ways = [OneWay(Sign(), forward) for forward in (True, False)]
+    np.testing.assert_array_equal(sum(way(speeds, speeds) for way in ways), jnp.sign(speeds))
+    for way in ways:
+        inside = way.range(y, v)
+        values = way(speeds, speeds)
+        assert float(inside.lower) <= np.min(values)
+        assert np.max(values) <= float(inside.upper)

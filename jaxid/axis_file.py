@@ -1,0 +1,278 @@
+"""An axis in a TOML file: what an engineer knows of hers, checked entry by entry.
+
+The file is data. It never runs code, whatever is in it.
+"""
+
+import math
+from importlib import resources
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import jax.numpy as jnp
+import msgspec
+
+from jaxid.disturbance_bounds import ConstantBound, DisturbanceBound, SpeedBand
+from jaxid.foresight import Servo
+from jaxid.limits import Boundary, Limits, Via, acceleration_limit, through
+from jaxid.problem import Task
+from jaxid.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Sine, Spring, Viscous
+from jaxid.system import System, Term
+from jaxid.trajectory import uniform
+
+Coordinate = Literal["linear", "rotary"]
+Pair = tuple[float, float]
+Direction = Literal["both", "forward", "backward"]
+
+
+class Axis(NamedTuple):
+    """What a file says.
+
+    Attributes:
+        system: in the unit of its input.
+        task: its limits in that unit too.
+        servo: without a controller.
+        gain: unit of the input per unit of what is commanded.
+        delay: servo periods until a command acts.
+    """
+
+    system: System
+    task: Task
+    servo: Servo
+    gain: float
+    delay: int
+
+
+def read_axis(path: Path) -> Axis:
+    """The axis in a file.
+
+    Raises:
+        ValueError: if the file is not one, in a sentence that names it and the entry.
+    """
+    try:
+        return _axis(msgspec.toml.decode(path.read_bytes(), type=_File))
+    except (msgspec.DecodeError, UnicodeDecodeError, ValueError) as error:
+        raise ValueError(f"File {path}: {str(error).replace('`$.', '`')}") from None
+
+
+def example(coordinate: Coordinate) -> str:
+    """A file to begin with, its entries explained."""
+    return (resources.files("jaxid") / "templates" / f"{coordinate}.toml").read_text()
+
+
+class _Table(msgspec.Struct, forbid_unknown_fields=True):
+    """Of a file; a misspelt entry is an error, and so is a number that is not finite."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            entry = getattr(self, name)
+            for number in entry if isinstance(entry, tuple) else (entry,):
+                if isinstance(number, float) and not math.isfinite(number):
+                    raise ValueError(f"`{name}` must be finite, but is {entry}")
+
+
+class _Kind(_Table, tag_field="kind"):
+    """A parameter, and what multiplies it."""
+
+    name: str
+    unit: str
+    interval: Pair
+
+    def regressor(self) -> Regressor | None:
+        raise NotImplementedError
+
+    def term(self) -> Term:
+        return Term(self.name, self.unit, self.interval, self.regressor())
+
+
+class _Inertia(_Kind, tag="inertia"):
+    def regressor(self) -> None:
+        return None
+
+
+class _Constant(_Kind, tag="constant"):
+    def regressor(self) -> Regressor:
+        return Constant()
+
+
+class _Spring(_Kind, tag="spring"):
+    rest: float = 0.0
+
+    def regressor(self) -> Regressor:
+        return Spring(self.rest)
+
+
+class _Gravity(_Kind, tag="gravity"):
+    phase: float = 0.0
+
+    def regressor(self) -> Regressor:
+        return Sine(self.phase)
+
+
+class _Cogging(_Kind, tag="cogging", kw_only=True):
+    pitch: float
+    harmonic: int = 1
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.pitch <= 0 or self.harmonic < 1:
+            raise ValueError(
+                "`pitch` must be above zero and `harmonic` 1 or more, but they are "
+                f"{self.pitch:g} and {self.harmonic}"
+            )
+
+    def regressor(self) -> Regressor:
+        return Sine(self.phase, self.pitch / self.harmonic)
+
+
+class _Friction(_Kind, kw_only=True):
+    """Of velocity, in both directions or in one."""
+
+    direction: Direction = "both"
+
+    def both(self) -> Regressor:
+        raise NotImplementedError
+
+    def regressor(self) -> Regressor:
+        if self.direction == "both":
+            return self.both()
+        return OneWay(self.both(), self.direction == "forward")
+
+
+class _Viscous(_Friction, tag="viscous"):
+    def both(self) -> Regressor:
+        return Viscous()
+
+
+class _Sign(_Friction, tag="sign"):
+    def both(self) -> Regressor:
+        return Sign()
+
+
+class _Coulomb(_Friction, tag="coulomb", kw_only=True):
+    beta: float
+
+    def both(self) -> Regressor:
+        return Coulomb(self.beta)
+
+
+class _Input(_Table):
+    unit: Literal["V", "A", "N", "N m"]
+    gain: float = 1.0
+    delay: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.gain == 0:
+            raise ValueError("`gain` must not be zero")
+        if self.delay < 0:
+            raise ValueError(f"`delay` must be 0 or more, but is {self.delay}")
+
+    def pushed(self, commanded: Pair) -> Pair:
+        """An interval of what is commanded, in the unit of the input."""
+        low, high = sorted(self.gain * end for end in commanded)
+        return low, high
+
+
+class _Servo(_Table):
+    period: float
+    resolution: float
+    velocity_error: float = 0.0
+
+
+class _Disturbance(_Table):
+    level: float
+    slow: float | None = None
+    threshold: float | None = None
+
+    def bound(self) -> DisturbanceBound:
+        if self.slow is None and self.threshold is None:
+            return ConstantBound(self.level)
+        if self.slow is None or self.threshold is None:
+            raise ValueError("`slow` and `threshold` of the disturbance belong together: give both")
+        return SpeedBand(self.slow, self.level, self.threshold)
+
+
+class _Limits(_Table):
+    position: Pair
+    velocity: Pair
+    input: Pair
+    jerk: Pair
+    acceleration: Pair | None = None
+    input_rate: Pair | None = None
+
+    def of(self, system: System, input: _Input) -> Limits:
+        """In the unit of the input."""
+        rate = None if self.input_rate is None else input.pushed(self.input_rate)
+        box = {"position": self.position, "velocity": self.velocity}
+        pushed = input.pushed(self.input)
+        acceleration = self.acceleration
+        if acceleration is None:
+            acceleration = acceleration_limit(system, **box, input=pushed)
+        return Limits(
+            **box, acceleration=acceleration, jerk=self.jerk, input=pushed, input_rate=rate
+        )
+
+
+class _Via(_Table):
+    at: float
+    lower: float | None = None
+    upper: float | None = None
+
+    def via(self) -> Via:
+        low, high = (-math.inf, -math.inf), (math.inf, math.inf)
+        lower = -math.inf if self.lower is None else self.lower
+        upper = math.inf if self.upper is None else self.upper
+        return Via(self.at, (lower, *low), (upper, *high))
+
+
+class _Motion(_Table):
+    start: float
+    end: float
+    duration: float
+    knot_period: float
+    via: tuple[_Via, ...] = ()
+
+    @property
+    def intervals(self) -> int:
+        """Of constant jerk."""
+        count = self.duration / self.knot_period if self.knot_period > 0 else 0.0
+        if count < 1 or abs(count - round(count)) > 1e-6:
+            raise ValueError(
+                f"`knot_period` must divide the duration {self.duration:g} s, but is "
+                f"{self.knot_period:g} s"
+            )
+        return round(count)
+
+    def boundary(self) -> Boundary:
+        """From rest to rest."""
+        ways = tuple(via.via() for via in self.via)
+        return Boundary((self.start, 0.0, 0.0), (*ways, through((self.end, 0.0, 0.0), at=1.0)))
+
+
+class _File(_Table):
+    coordinate: Coordinate
+    input: _Input
+    servo: _Servo
+    terms: tuple[
+        _Inertia | _Viscous | _Coulomb | _Sign | _Constant | _Spring | _Gravity | _Cogging,
+        ...,
+    ]
+    disturbance: _Disturbance
+    limits: _Limits
+    motion: _Motion
+
+
+def _axis(file: _File) -> Axis:
+    system = System(
+        tuple(kind.term() for kind in file.terms),
+        file.disturbance.bound(),
+        file.input.unit,
+        file.coordinate,
+    )
+    limits, motion = file.limits.of(system, file.input), file.motion
+    task = Task(limits, motion.boundary(), motion.intervals, motion.knot_period)
+    servo = Servo(file.servo.period, file.servo.resolution, None, file.servo.velocity_error)
+    at_rest = uniform(task.boundary.start, jnp.zeros(task.intervals), task.period)
+    servo.foresight(system, at_rest)  # refuses what no log can be kept with
+    return Axis(system, task, servo, file.input.gain, file.input.delay)

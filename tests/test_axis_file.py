@@ -1,0 +1,135 @@
+"""An axis in a file is the one that Python makes; what cannot be is refused, in sentences."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import linear_motor as motor
+from jaxid import one_link_arm as arm
+from jaxid.axis_file import example, read_axis
+from jaxid.disturbance_bounds import ConstantBound
+from jaxid.regressors import OneWay, Sine
+
+
+@pytest.fixture
+def read(tmp_path):
+    """The linear example with some text exchanged."""
+
+    def changed(*pairs, coordinate="linear"):
+        text = example(coordinate)
+        for old, new in pairs:
+            assert old in text
+            text = text.replace(old, new, 1)
+        path = tmp_path / "axis.toml"
+        path.write_text(text)
+        return read_axis(path)
+
+    return changed
+
+
+@pytest.mark.parametrize(("coordinate", "axis"), [("linear", motor), ("rotary", arm)])
+def test_the_examples_are_the_axes_of_the_library(read, coordinate, axis):
+    found = read(coordinate=coordinate)
+    assert eqx.tree_equal(found.system, axis.system())
+    assert eqx.tree_equal(found.task.limits, axis.limits())
+    assert eqx.tree_equal(found.task.boundary, axis.boundary())
+    assert found.servo == axis.servo()
+    assert found.task.period == axis.KNOT_PERIOD
+    assert (found.gain, found.delay) == (1.0, 0)
+
+
+def test_limits_of_a_command_become_those_of_the_input(read):
+    """With the sign of the gain."""
+    found = read(("gain = 1.0", "gain = -2.0"), ("input = [-10.0, 10.0]", "input = [-4.0, 5.0]"))
+    np.testing.assert_array_equal(found.task.limits.input, [-10.0, 8.0])
+    np.testing.assert_array_equal(found.task.limits.input_rate, [-20_000.0, 20_000.0])
+    given = read(("# acceleration = [-44.0, 44.0]", "acceleration = [-30.0, 20.0]"))
+    np.testing.assert_array_equal(given.task.limits.acceleration, [-30.0, 20.0])
+
+
+def test_every_kind_of_term_is_what_it_says(read):
+    terms = """
+[[terms]]
+kind = "spring"
+name = "K"
+unit = "V/m"
+interval = [0.0, 1.0]
+rest = 0.1
+[[terms]]
+kind = "cogging"
+name = "C2"
+unit = "V"
+interval = [-0.1, 0.1]
+pitch = 0.06
+harmonic = 2
+phase = 0.5
+[[terms]]
+kind = "sign"
+name = "forward"
+unit = "V"
+interval = [0.0, 0.5]
+direction = "forward"
+[[terms]]
+kind = "viscous"
+name = "backward"
+unit = "V s/m"
+interval = [0.0, 0.5]
+direction = "backward"
+"""
+    found = read(("[disturbance]", terms + "[disturbance]")).system
+    y, v = jnp.array([0.3, 0.02]), jnp.array([0.7, -0.4])
+    expected = [y - 0.1, jnp.sin(4 * np.pi * y / 0.06 + 0.5), [1.0, 0.0], [0.0, -0.4]]
+    for force, values in zip(found.forces(y, v)[-4:], expected, strict=True):
+        np.testing.assert_allclose(force, values, rtol=1e-12)
+    kinds = [type(term.regressor) for term in found.terms[-3:]]
+    assert kinds == [Sine, OneWay, OneWay]
+
+
+def test_one_level_of_the_disturbance_is_enough(read):
+    one = read(("slow = 0.25 ", "#"), ("threshold = 0.1 ", "#")).system.disturbance_bound
+    assert eqx.tree_equal(one, ConstantBound(0.15))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("[servo]", "[servo", r"axis.toml: Expected .* \(at line"),
+        ('kind = "coulomb"', 'kind = "columb"', r"axis.toml: .*'columb' - at `terms\[2\].kind`"),
+        ('kind = "inertia"', 'kind = "constant"', "must begin with the inertia"),
+        ("beta = 1000.0", 'beta = "steep"', r"`float`, got `str` - at `terms\[2\].beta`"),
+        ("beta = 1000.0", "", "missing required field `beta`"),
+        ("jerk =", "jrek =", "unknown field `jrek` - at `limits`"),
+        ("[0.08, 0.18]", "[0.18, 0.08]", "lower end below its upper end"),
+        ("[0.08, 0.18]", "[0.08, nan]", r"`interval` must be finite.* - at `terms\[0\]`"),
+        ("start = 0.0 ", "start = inf ", "`start` must be finite, but is inf - at `motion`"),
+        ("gain = 1.0", "gain = 0.0", "`gain` must not be zero - at `input`"),
+        ("delay = 0 ", "delay = -1 ", "`delay` must be 0 or more, but is -1 - at `input`"),
+        ("delay = 0 ", "delay = 0.5 ", "Expected `int`, got `float` - at `input.delay`"),
+        ('unit = "V" ', 'unit = "kg" ', "'kg' - at `input.unit`"),
+        ("knot_period = 0.01", "knot_period = 0.007", "`knot_period` must divide the duration"),
+        ("knot_period = 0.01", "knot_period = 0.0", "`knot_period` must divide the duration"),
+        ("period = 0.0002 ", "period = 0.00021 ", "`period` must divide the duration 0.6 s"),
+        ("resolution = 0.5e-6", "resolution = -1.0", "`resolution` of a servo must be at least"),
+        ("slow = 0.25 ", "#", "`slow` and `threshold` of the disturbance belong together"),
+        ("level = 0.15", "level = 0.0", "δ must be positive and finite"),
+        ("at = 0.5", "at = 2.0", "`at` must be a fraction of the whole time"),
+        ("velocity = [-2.0, 2.0]", "velocity = [1.0, 2.0]", "`velocity` must have zero inside"),
+    ],
+)
+def test_what_cannot_be_is_refused(read, old, new, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        read((old, new))
+
+
+def test_a_wrong_pitch_is_refused(read):
+    cogging = 'kind = "cogging"\npitch = 0.0'
+    with pytest.raises(ValueError, match=r"`pitch` must be above zero.* - at `terms\[3\]`"):
+        read(('kind = "constant"', cogging))
+
+
+def test_a_file_that_is_not_text_is_refused(tmp_path):
+    path = tmp_path / "axis.toml"
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(ValueError, match=r"File .*axis.toml: "):
+        read_axis(path)
