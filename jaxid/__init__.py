@@ -66,6 +66,7 @@ objective, polish, problem, quantities, system, trajectory
 system, trajectory
     axis_file <- disturbance_bounds, foresight, limits, problem, regressors, system, trajectory
     files <- checks, trajectory
+    setpoints <- checks, files, limits, trajectory
     blocks <- checks, files
     sweep <- checks, control, disturbance, estimate, feasible, filters, quantities, record, \
 sensing, simulate, system, trajectory
@@ -110,6 +111,7 @@ from jaxid.problem import Problem, Task
 from jaxid.refine import refine
 from jaxid.regressors import Constant, Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
 from jaxid.sensing import Encoder, IdealSensor
+from jaxid.setpoints import Setpoints, margins, read_setpoints, sampled, write_setpoints
 from jaxid.simulate import Plant
 from jaxid.system import System, Term
 from jaxid.tube import Tube, cells
@@ -154,6 +156,7 @@ __all__ = [
     "Sampled",
     "Scenarios",
     "Servo",
+    "Setpoints",
     "Sign",
     "Sine",
     "SpeedBand",
@@ -184,13 +187,17 @@ __all__ = [
     "infinity",
     "log_of",
     "louder",
+    "margins",
     "minimax",
     "planned_error",
     "position_at_least",
     "read_axis",
+    "read_setpoints",
     "refine",
     "run",
+    "sampled",
     "smallest_factor",
     "through",
     "unlogged",
+    "write_setpoints",
 ]
