@@ -77,6 +77,9 @@ sensing, simulate, system, trajectory
 simulate, system
     one_link_arm <- control, disturbance, disturbance_bounds, foresight, limits, regressors, \
 simulate, system
+    axis_design <- appraisal, axis_file, design, files, floor, foresight, guarantee, \
+motion_design, report, setpoints, trajectory
+    cli <- axis_design, axis_file, checks, design, files, motion_design, report, runtime
 """
 
 from jaxid.appraisal import Appraisal, appraise

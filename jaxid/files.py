@@ -1,10 +1,12 @@
 """Files out and in: CSV with 17 digits, netCDF; written to a temporary name and renamed."""
 
 import csv
+import json
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -43,6 +45,11 @@ def write_table(path: Path, header: Sequence[str], rows: Iterable[Mapping[str, C
     for row in rows:
         lines.append(",".join(_cell(row[name]) for name in header))
     write_bytes(path, ("\n".join(lines) + "\n").encode())
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """One result, for other programs; numbers keep the digits they have."""
+    write_bytes(path, (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode())
 
 
 def read_table(path: Path) -> list[dict[str, str]]:

@@ -15,7 +15,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from jaxid.files import write_bytes
+from jaxid.files import UNITS, write_bytes
 from jaxid.trajectory import JerkTrajectory
 
 # Okabe and Ito's palette: told apart by colour-blind readers too
@@ -73,11 +73,18 @@ def limit_lines(panel: Axes, interval: Sequence[float]) -> None:
         panel.axhline(end, color=GREY, linestyle="--", linewidth=1.2)
 
 
-def motion(panels: Sequence[Axes], trajectory: JerkTrajectory, limits: Array, title: str) -> None:
+def motion(
+    panels: Sequence[Axes],
+    trajectory: JerkTrajectory,
+    limits: Array,
+    title: str,
+    coordinate: str = "linear",
+) -> None:
     """Position, velocity and acceleration of a desired motion, with the rows of their limits."""
     time = jnp.linspace(0.0, float(trajectory.duration), 2000)
     states = trajectory.states(time)
-    names = ("position (m)", "velocity (m/s)", "acceleration (m/s²)")
+    unit = UNITS[coordinate]
+    names = (f"position ({unit})", f"velocity ({unit}/s)", f"acceleration ({unit}/s²)")
     for panel, values, interval, name in zip(panels, states, limits, names, strict=False):
         panel.plot(time, np.asarray(values), color=BLUE, linewidth=1.8)
         limit_lines(panel, np.asarray(interval).tolist())
