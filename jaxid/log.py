@@ -40,6 +40,15 @@ class Log(eqx.Module):
     resolution: Scalar = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self) -> None:
+        for name, least in (("period", "positive"), ("resolution", "at least zero")):
+            value = getattr(self, name)
+            if is_concrete(value):
+                number = float(np.asarray(value))
+                above = number > 0 or (number == 0 and name == "resolution")
+                require(
+                    above and np.isfinite(number),
+                    f"Argument `{name}` of a log must be {least} and finite, but is {number:g}.",
+                )
         require(
             self.position.size == self.input.size + 1,
             "Argument `position` must have one entry more than `input`, the end of its last tick, "

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import linprog
+from scipy.optimize import OptimizeResult, linprog
 
 from jaxid import linear_motor as motor
 from jaxid.disturbance import NoDisturbance
@@ -181,3 +181,16 @@ def test_an_input_that_hides_a_force_is_falsified(motion):
     pulled = eqx.tree_at(lambda x: x.input, log, log.input + 1.5 * jnp.sin(80.0 * time))
     with pytest.raises(ValueError, match=r"no θ of the box|contradict"):
         feasible_set(hats(SYSTEM, pulled, brackets(SYSTEM, pulled)), knots=75)
+
+
+def test_a_solver_that_gives_up_leaves_the_box(experiment, monkeypatch):
+    """No interval and no contradiction rests on a program that was not solved."""
+    from jaxid import modulating
+
+    log, _ = experiment
+    rows = hats(SYSTEM, log, brackets(SYSTEM, log))
+    unsolved = OptimizeResult(x=None, status=4)
+    monkeypatch.setattr(modulating, "linprog", lambda *arguments, **options: unsolved)
+    left = feasible_set(rows, knots=75)
+    np.testing.assert_allclose(left.lower, SYSTEM.lower, atol=1e-12)
+    np.testing.assert_allclose(left.upper, SYSTEM.upper, atol=1e-12)

@@ -111,6 +111,11 @@ def test_a_log_that_nothing_can_have_left_is_refused(motion):
     slow = eqx.tree_at(lambda x: x.period, log, jnp.asarray(0.5))
     with pytest.raises(ValueError, match=r"`log`: its period of 0.5 s is too long"):
         brackets(motor.system(), slow)
+    for resolution in (-1e-7, float("nan")):  # with −1e-7 d̄ was bounded below its floor
+        with pytest.raises(ValueError, match="`resolution` of a log must be at least zero and fin"):
+            Log(log.input, log.position, H, resolution)
+    with pytest.raises(ValueError, match="`period` of a log must be positive and finite"):
+        Log(log.input, log.position, 0.0, Q)
     with pytest.raises(ValueError, match=r"`position` must have one entry more than `input`"):
         Log(log.input, log.position[:-1], H, Q)
 
