@@ -14,7 +14,7 @@ says which room may import from which; it is tested, and so is that nobody impor
     ranges <- -
     quantities <- -
     kinks <- quantities
-    regressors <- kinks, quantities, ranges
+    regressors <- checks, kinks, quantities, ranges
     disturbance_bounds <- checks, kinks, quantities, ranges
     system <- checks, disturbance_bounds, kinks, quantities, ranges, regressors
     trajectory <- checks, quantities

@@ -19,8 +19,8 @@ class Appraisal(NamedTuple):
     Attributes:
         error: J of (16), by least squares of exact signals.
         guaranteed: what the log can be expected to prove, servo, encoder and prior box included:
-            exactly that of an undisturbed axis in the middle of its box. What a log of another axis
-            proves, `identify_log` says; it may be a little more or less.
+            that of an undisturbed axis in the middle of its box that follows the motion. What the
+            log of another one proves, `identify_log` says; it may be a little more or less.
         floor: what no motion within the limits and no estimator can promise to go below.
         estimated: parameters whose floor is an estimate.
     """

@@ -1,9 +1,11 @@
 """Refusals, as sentences that name the argument, its value and what would be right."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 
 
@@ -16,6 +18,28 @@ def require(condition: Any, sentence: str) -> None:
     """Raise `ValueError(sentence)` unless `condition` holds."""
     if not condition:
         raise ValueError(sentence)
+
+
+def require_positive(name: str, owner: str, value: Any) -> None:
+    """Refuse a number, or an array of them, that is not above zero or not finite."""
+    _require_numbers(name, owner, value, "positive", lambda x: x > 0)
+
+
+def require_at_least_zero(name: str, owner: str, value: Any) -> None:
+    """Refuse a number, or an array of them, that is below zero or not finite."""
+    _require_numbers(name, owner, value, "at least zero", lambda x: x >= 0)
+
+
+def _require_numbers(
+    name: str, owner: str, value: Any, what: str, holds: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    if not is_concrete(value):
+        return
+    found = np.asarray(value)  # in jax it would be traced with what it belongs to
+    require(
+        np.all(holds(found) & np.isfinite(found)),
+        f"Argument `{name}` of {owner} must be {what} and finite, but is {found.tolist()}.",
+    )
 
 
 def require_interval(name: str, interval: Any) -> None:

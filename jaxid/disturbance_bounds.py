@@ -1,17 +1,17 @@
 """δ: what everything unmodelled stays below, by position and velocity (3)."""
 
 import abc
-from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from jaxid.checks import is_concrete, require
+from jaxid.checks import require_at_least_zero, require_positive
 from jaxid.kinks import Kinked
 from jaxid.quantities import Motion, Scalar
 from jaxid.ranges import Range, around, exactly, hull, plus, scaled, size
+
+_OWNER = "a disturbance bound δ"
 
 
 class DisturbanceBound(eqx.Module):
@@ -41,7 +41,7 @@ class ConstantBound(DisturbanceBound):
     level: Scalar = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self) -> None:
-        _require_positive("level", self.level)
+        require_positive("level", _OWNER, self.level)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return self.level * jnp.ones_like(velocity)
@@ -66,10 +66,10 @@ class SpeedBand(DisturbanceBound, Kinked):
     blend: Motion = eqx.field(converter=jnp.asarray, default=0.0)
 
     def __check_init__(self) -> None:
-        _require_positive("slow", self.slow)
-        _require_positive("fast", self.fast)
-        _require_at_least_zero("threshold", self.threshold)
-        _require_at_least_zero("blend", self.blend)
+        require_positive("slow", _OWNER, self.slow)
+        require_positive("fast", _OWNER, self.fast)
+        require_at_least_zero("threshold", _OWNER, self.threshold)
+        require_at_least_zero("blend", _OWNER, self.blend)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         below = self.threshold - jnp.abs(velocity)
@@ -98,7 +98,7 @@ class Scaled(DisturbanceBound):
     factor: Scalar = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self) -> None:
-        _require_positive("factor", self.factor)
+        require_positive("factor", _OWNER, self.factor)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return self.factor * self.bound(position, velocity)
@@ -117,7 +117,7 @@ class Cautious(DisturbanceBound):
     reach: Scalar = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self) -> None:
-        _require_at_least_zero("reach", self.reach)
+        require_at_least_zero("reach", _OWNER, self.reach)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return self.range(exactly(position), exactly(velocity)).upper
@@ -129,24 +129,3 @@ class Cautious(DisturbanceBound):
     def describe(self, unit: str, speed: str) -> str:
         inner = self.bound.describe(unit, speed)
         return f"{inner}, while the velocity is off by up to {float(self.reach):g} {speed}"
-
-
-def _require_positive(name: str, value: Motion) -> None:
-    _require_finite(name, value, "positive", lambda x: x > 0)
-
-
-def _require_at_least_zero(name: str, value: Motion) -> None:
-    _require_finite(name, value, "at least zero", lambda x: x >= 0)
-
-
-def _require_finite(
-    name: str, value: Motion, what: str, holds: Callable[[np.ndarray], np.ndarray]
-) -> None:
-    if not is_concrete(value):
-        return
-    found = np.asarray(value)  # in jax it would be traced with what it belongs to
-    require(
-        np.all(holds(found) & np.isfinite(found)),
-        f"Argument `{name}` of a disturbance bound δ must be {what} and finite, "
-        f"but is {found.tolist()}.",
-    )

@@ -74,6 +74,10 @@ def feasible_set(
     axes = np.eye(len(system.names))
     upper = _ends(logged, program, misfit, axes)
     lower = -_ends(logged, program, misfit, -axes)
+    # as an end of the box is computed from its centre, it may miss it by a last bit
+    close = ROUNDED * system.half_widths
+    lower = jnp.where(lower <= system.lower + close, system.lower, lower)
+    upper = jnp.where(upper >= system.upper - close, system.upper, upper)
     for other in others:
         lower, upper = jnp.maximum(lower, other.lower), jnp.minimum(upper, other.upper)
     for name, low, high in zip(system.names, lower, upper, strict=True):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxid.checks import require
+from jaxid.checks import require, require_at_least_zero, require_positive
 from jaxid.control import Controller
 from jaxid.disturbance import NoDisturbance
 from jaxid.log import Log
@@ -99,15 +99,8 @@ class Servo(NamedTuple):
                 number is negative or not finite.
         """
         for name in ("resolution", "velocity_error"):
-            value = getattr(self, name)
-            require(
-                0 <= value < float("inf"),
-                f"Argument `{name}` of a servo must be at least zero and finite, but is {value:g}.",
-            )
-        require(
-            0 < self.period < float("inf"),
-            f"Argument `period` of a servo must be positive and finite, but is {self.period:g}.",
-        )
+            require_at_least_zero(name, "a servo", getattr(self, name))
+        require_positive("period", "a servo", self.period)
         count = ticks(trajectory, self.period)
         require(
             count >= 2,

@@ -1,5 +1,6 @@
 """From a log to intervals that hold for the axis in continuous time, encoder and servo included."""
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -49,9 +50,8 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
     """Intervals for θ of every plant of a system that can have left all of several logs.
 
     The brackets of the motion are the narrower the smaller the box is, and a log makes the box
-    smaller: it is read again with the intervals that it has proved. By the same brackets several
-    logs never prove less than one of them; one whose data happen to narrow the box more than those
-    of all together may prove more alone, so intersect them.
+    smaller: all are read again with the intervals that each, and all together, have proved.
+    Several logs then bound no error wider than one of them does.
 
     Args:
         system: its box and δ, which the intervals rest on.
@@ -61,14 +61,26 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
     Raises:
         ValueError: if no plant of the system can have left the logs.
     """
-    narrow, found, logged = system, None, None
-    for _ in range(ROUNDS):
-        logged = joined([hats(narrow, log, brackets(narrow, log)) for log in logs])
-        found = guaranteed(logged, modulating(logged, system.half_widths, knots=knots))
-        narrow = narrowed(system, found)
-    assert found is not None
-    assert logged is not None
-    return Guarantee(found, logged)
+    require(
+        any(log.input.size > 1 for log in logs),
+        f"Argument `logs` must hold one log at least of two ticks or more, but holds {len(logs)} "
+        "that have fewer.",
+    )
+    narrow = system
+    for _ in range(ROUNDS - 1):
+        parts = [hats(narrow, log, brackets(narrow, log)) for log in logs]
+        singles = [part for part in parts if part.record.input.size]  # one tick makes no row
+        wholes = parts if len(parts) == 1 else [*singles, joined(parts)]
+        found = [_modulated(whole, system, knots) for whole in wholes]
+        narrow = narrowed(system, *found)
+    logged = joined([hats(narrow, log, brackets(narrow, log)) for log in logs])
+    last = _modulated(logged, system, knots)
+    narrowed(system, last)  # refuses what nothing can have left
+    return Guarantee(last, logged)
+
+
+def _modulated(logged: Logged, system: System, knots: int) -> Estimate:
+    return guaranteed(logged, modulating(logged, system.half_widths, knots=knots))
 
 
 def assumptions(system: System, *logs: Log) -> tuple[str, ...]:
@@ -84,7 +96,7 @@ def assumptions(system: System, *logs: Log) -> tuple[str, ...]:
         for term, low, high in zip(system.terms, system.lower, system.upper, strict=True)
     )
     most = system.disturbance_bound.describe(system.input_unit, f"{length}/s")
-    together = ("All logs are of one axis, whose parameters stayed the same.",)
+    together = ("All logs are of one axis, whose parameters and zero of position stayed the same.",)
     estimated = (
         f"What multiplies {name} is estimated by samples: its slopes were not bounded."
         for name in system.estimated
@@ -107,18 +119,20 @@ def _of_the_servo(log: Log, length: str) -> tuple[str, str]:
     )
 
 
-def narrowed(system: System, found: Estimate) -> System:
-    """The system with the intervals of an estimate for its box.
+def narrowed(system: System, *found: Estimate) -> System:
+    """The system with what the intervals of all estimates have in common for its box.
 
     Raises:
-        ValueError: if an interval is empty.
+        ValueError: if they have nothing.
     """
-    for name, low, high in zip(system.names, found.lower, found.upper, strict=True):
+    lower = functools.reduce(jnp.maximum, [one.lower for one in found])
+    upper = functools.reduce(jnp.minimum, [one.upper for one in found])
+    for name, low, high in zip(system.names, lower, upper, strict=True):
         require(
             float(low) <= float(high),
             f"Argument `log`: no {name} in its prior interval can have left it; the box, δ or the "
             f"resolution is too small (the data ask for {name} from {float(low):.6g} on, the box "
             f"and the data before allow it up to {float(high):.6g}).",
         )
-    ends = tuple(jnp.stack(pair) for pair in zip(found.lower, found.upper, strict=True))
-    return eqx.tree_at(lambda s: [term.interval for term in s.terms], system, list(ends))
+    ends = [jnp.stack(pair) for pair in zip(lower, upper, strict=True)]
+    return eqx.tree_at(lambda s: [term.interval for term in s.terms], system, ends)

@@ -14,7 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid.checks import is_concrete, require, require_float64
+from jaxid.checks import (
+    is_concrete,
+    require,
+    require_at_least_zero,
+    require_float64,
+    require_positive,
+)
 from jaxid.quantities import Scalar
 from jaxid.ranges import Range, around, common, exactly, hull, minus, plus, size, times
 from jaxid.system import System
@@ -40,15 +46,8 @@ class Log(eqx.Module):
     resolution: Scalar = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self) -> None:
-        for name, least in (("period", "positive"), ("resolution", "at least zero")):
-            value = getattr(self, name)
-            if is_concrete(value):
-                number = float(np.asarray(value))
-                above = number > 0 or (number == 0 and name == "resolution")
-                require(
-                    above and np.isfinite(number),
-                    f"Argument `{name}` of a log must be {least} and finite, but is {number:g}.",
-                )
+        require_positive("period", "a log", self.period)
+        require_at_least_zero("resolution", "a log", self.resolution)
         require(
             self.position.size == self.input.size + 1,
             "Argument `position` must have one entry more than `input`, the end of its last tick, "

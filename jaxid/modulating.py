@@ -90,7 +90,8 @@ class Program:
         runs: Pieces | None = None,
     ) -> None:
         """The arguments are those of `optimal`."""
-        self.basis, kinks, second = _family(delta.size, runs or ((0, delta.size),), knots)
+        whole = ((0, delta.size),)
+        self.basis, kinks, second = _family(delta.size, whole if runs is None else runs, knots)
         self.half_widths = half_widths
         self.delta = delta @ self.basis
         self.moments = half_widths[:, None] * (phi.T @ self.basis) / self.delta
@@ -175,7 +176,7 @@ class _Family(NamedTuple):
 
 @functools.lru_cache(maxsize=4)
 def _family(size: int, runs: Pieces, most: int) -> _Family:
-    blocks = []
+    blocks = [np.zeros((size, 0))]  # where no row counts, there are no weights
     for start, stop in runs:
         count = stop - start
         at = np.unique(np.linspace(0, count + 1, min(most, count) + 2).round())

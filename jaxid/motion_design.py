@@ -21,6 +21,8 @@ from jaxid.quantities import Scalar
 from jaxid.system import System
 from jaxid.trajectory import JerkTrajectory
 
+_MET = 1e-9  # half-widths: far more than rounding leaves, and than any stop would notice
+
 
 class GuaranteedEffort(NamedTuple):
     """How long to search for a motion by what its log can prove.
@@ -98,7 +100,7 @@ def design_guaranteed(
         task: what the desired motion must do.
         targets: what each parameter's error is compared with, in its unit; inf leaves one out.
         start: a motion as long as the task's, walked back into the limits where it leaves them and
-            never made worse, or a key to search for several.
+            never made worse by what is searched for; or a key to search for several.
         servo: what keeps the log, and how far the velocity may be off the motion's where δ jumps;
             with its controller, the motion that counts is that of the closed loop.
         largest: of the relative errors counts; or else their sum, so that 1/targets are weights.
@@ -115,6 +117,7 @@ def design_guaranteed(
     require_targets(system, goals)
     bare = task.problem(_nothing)
     deep = inside(bare, task.intervals, task.period)
+    servo.foresight(system, deep)  # refuses a servo that no log can be kept with
     search = _Search(system, task, deep, goals, servo, largest, effort, report)
     if isinstance(start, JerkTrajectory):
         given = walk(bare, deep, _matching(task, start))
@@ -181,7 +184,7 @@ def _matching(task: Task, start: JerkTrajectory) -> JerkTrajectory:
     """The start without padding.
 
     Raises:
-        ValueError: if it does not have the intervals of the task, or begins elsewhere.
+        ValueError: if it does not have the intervals of the task, or misses a state that is fixed.
     """
     motion = trimmed(start)
     alike = motion.jerk.size == task.intervals
@@ -196,7 +199,24 @@ def _matching(task: Task, start: JerkTrajectory) -> JerkTrajectory:
         f"Argument `start` must begin in the state {task.boundary.start.tolist()} of the boundary, "
         f"but begins in {motion.start.tolist()}.",
     )
+    missed = _missed(task, motion)
+    require(
+        missed <= _MET,
+        "Argument `start` must meet the fixed states of the boundary, but misses one by "
+        f"{missed:.2g} half-widths of the limits.",
+    )
     return motion
+
+
+def _missed(task: Task, motion: JerkTrajectory) -> float:
+    """By how much of the limits' half-widths a state that is fixed is not met."""
+    low, high = task.limits.motion.T
+    worst = 0.0
+    for via in task.boundary.vias:
+        state = jnp.concatenate(motion.states(via.at * motion.duration[None]))
+        off = jnp.abs(state - via.lower) / ((high - low) / 2)
+        worst = max(worst, float(jnp.max(jnp.where(via.lower == via.upper, off, 0.0))))
+    return worst
 
 
 def _nothing(trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxid.checks import require_at_least_zero, require_positive
 from jaxid.kinks import Kinked
 from jaxid.quantities import Interval, Motion, Scalar, as_interval
 from jaxid.ranges import Range, around, exactly, hull, plus, size
@@ -52,6 +53,10 @@ class Custom(Regressor):
     slopes: Float[Array, "2"] | None = eqx.field(
         converter=lambda slopes: None if slopes is None else as_interval(slopes), default=None
     )
+
+    def __check_init__(self) -> None:
+        if self.slopes is not None:
+            require_at_least_zero("slopes", "a Custom regressor", self.slopes)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return self.function(position, velocity)
@@ -112,6 +117,10 @@ class Coulomb(Regressor, Kinked):
 
     beta: Scalar = eqx.field(converter=jnp.asarray)
     blend: Motion = eqx.field(converter=jnp.asarray, default=0.0)
+
+    def __check_init__(self) -> None:
+        require_positive("beta", "a Coulomb regressor", self.beta)
+        require_at_least_zero("blend", "a Coulomb regressor", self.blend)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         sign = (2 / jnp.pi) * jnp.arctan(self.beta * velocity)
@@ -225,6 +234,9 @@ class Sine(Regressor):
 
     phase: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
     pitch: Scalar = eqx.field(converter=jnp.asarray, default=2 * math.pi)
+
+    def __check_init__(self) -> None:
+        require_positive("pitch", "a Sine regressor", self.pitch)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return jnp.sin(self._angle(position))

@@ -1,5 +1,7 @@
 """The motor's certificates: what is printed of them, against second truths."""
 
+import shutil
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -112,7 +114,7 @@ def test_each_round_knows_more_than_the_one_before(figures):
 
     Of B, F_c and d̄ no log can prove 1 % more than the first: that is how near it is to the floor.
     """
-    names, rounds = motor.system().names, {}
+    rounds = {}
     for row in read_table(figures / "sequential.csv"):
         values = {name: float(x) for name, x in row.items() if name != "parameter"}
         rounds[values["jerk_m_s3"], row["parameter"], values["round"]] = values
@@ -120,19 +122,37 @@ def test_each_round_knows_more_than_the_one_before(figures):
     for (jerk, name, number), now in rounds.items():
         assert now["lower"] <= now["theta_true"] <= now["upper"]
         assert now["possible_lower"] <= now["theta_true"] <= now["possible_upper"]
-        assert (now["upper"] - now["lower"]) / 2 == pytest.approx(now["bound"], rel=1e-9)
         assert min(now["alone"], now["bound"]) >= now["floor"]
         assert name == "M" or rounds[jerk, name, 1]["alone"] < 1.01 * now["floor"]
         if number == 1:
             continue
         before = rounds[jerk, name, number - 1]
-        assert now["bound"] < before["bound"]
-        assert width(now) < width(before)
+        # what the programs resolve; of M more than that
+        assert now["bound"] <= before["bound"] * (1 + 1e-5)
+        assert width(now) <= width(before) * (1 + 1e-5)
         assert now["acceleration_m_s2"] > before["acceleration_m_s2"]
+        if name == "M":
+            assert now["bound"] < 0.997 * before["bound"]
+            assert width(now) < 0.99 * width(before)
         if name == "M" and number == 2:
             # at most 37 %, which is what the floor gives up
             assert now["alone"] < (0.8 if jerk == 1000 else 0.65) * before["alone"]
-    assert set(names) == {name for _, name, _ in rounds}
+
+
+def test_the_table_of_the_rounds_is_that_of_the_motions_in_the_files(figures, tmp_path):
+    for path in figures.glob("sequential_*_?.csv"):
+        shutil.copy(path, tmp_path)
+    sequential.main(sequential.Sequential(tmp_path, redraw=True))
+    again, printed = (read_table(folder / "sequential.csv") for folder in (tmp_path, figures))
+    assert len(again) == len(printed) == 24
+    for row, other in zip(printed, again, strict=True):
+        for column in ("alone", "bound", "floor"):
+            # another processor may read another count here and there
+            assert float(row[column]) == pytest.approx(float(other[column]), rel=1e-3)
+        for column in ("lower", "upper", "possible_lower", "possible_upper"):
+            assert float(row[column]) == pytest.approx(
+                float(other[column]), abs=0.02 * float(row["bound"])
+            )
 
 
 def width(row):

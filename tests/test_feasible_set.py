@@ -192,5 +192,14 @@ def test_a_solver_that_gives_up_leaves_the_box(experiment, monkeypatch):
     unsolved = OptimizeResult(x=None, status=4)
     monkeypatch.setattr(modulating, "linprog", lambda *arguments, **options: unsolved)
     left = feasible_set(rows, knots=75)
-    np.testing.assert_allclose(left.lower, SYSTEM.lower, atol=1e-12)
-    np.testing.assert_allclose(left.upper, SYSTEM.upper, atol=1e-12)
+    np.testing.assert_array_equal(left.lower, SYSTEM.lower)
+    np.testing.assert_array_equal(left.upper, SYSTEM.upper)
+
+
+def test_rows_that_count_nothing_leave_the_box(experiment):
+    log, _ = experiment
+    rows = hats(SYSTEM, log, brackets(SYSTEM, log))
+    nothing = eqx.tree_at(lambda r: r.record.rows.measure, rows, 0 * rows.record.rows.measure)
+    left = feasible_set(nothing, knots=75)
+    np.testing.assert_array_equal(left.lower, SYSTEM.lower)
+    np.testing.assert_array_equal(left.upper, SYSTEM.upper)

@@ -168,6 +168,7 @@ def test_a_start_outside_of_the_limits_is_walked_back(start):
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
+        (lambda t: eqx.tree_at(lambda t: t.jerk, t, t.jerk.at[3].add(20.0)), "but misses one by"),
         (lambda t: eqx.tree_at(lambda t: t.start, t, t.start + 0.01), "`start` must begin in"),
         (lambda t: eqx.tree_at(lambda t: t.durations, t, 2 * t.durations), "60 intervals of 0.01"),
         (

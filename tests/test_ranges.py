@@ -10,7 +10,7 @@ from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
 from jaxid.disturbance_bounds import SpeedBand
 from jaxid.ranges import Range, around, common, exactly, hull, minus, plus, scaled, size, times
-from jaxid.regressors import Coulomb, OneWay, Sign, Sine, Spring, Viscous
+from jaxid.regressors import Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
 
 ends = st.floats(-3.0, 3.0, allow_subnormal=False)
 pairs = st.tuples(ends, ends).map(sorted)
@@ -105,3 +105,14 @@ def test_dry_friction_may_be_anything_at_rest(velocity, position):
         values = way(speeds, speeds)
         assert float(inside.lower) <= np.min(values)
         assert np.max(values) <= float(inside.upper)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -3.0, float("nan"), float("inf")])
+def test_what_would_turn_a_range_around_is_refused(wrong):
+    """A β or pitch below zero made the lower end the upper one, and so δ too small."""
+    with pytest.raises(ValueError, match="`beta` of a Coulomb regressor must be positive"):
+        Coulomb(wrong)
+    with pytest.raises(ValueError, match="`pitch` of a Sine regressor must be positive"):
+        Sine(0.0, wrong)
+    with pytest.raises(ValueError, match="`slopes` of a Custom regressor must be at least zero"):
+        Custom(jnp.multiply, (1.0, min(wrong, -wrong)) if wrong else (-1.0, 0.0))

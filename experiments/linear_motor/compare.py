@@ -4,7 +4,7 @@ All under the same limits, boundary conditions, duration, encoder and servo. Fam
 are optimised for the criterion of our one motion, the largest guaranteed error relative to what is
 allowed, from as many starts and by as many evaluations. Motions by a classical criterion, or for
 least squares, are found for that by our own search; of the four that it finds, the one is shown
-that is best by our criterion. So a row may be better than ours in one parameter, never in all.
+that is best by our criterion, with which designs also count on a velocity that is a little off.
 """
 
 from collections.abc import Mapping
@@ -114,7 +114,7 @@ def main(options: Compare) -> None:
     write_table(options.named("table5.csv"), table.header, table.rows)
     draw(options.named("table5.png"), worth)
     print(table.text("Table 5: what each excitation guarantees, and how far above the floor"))
-    print("Largest of the guaranteed errors over what is allowed, by which members were chosen:")
+    print("Largest of the guaranteed errors over what is allowed of our one motion:")
     for name, one in worth.items():
         print(
             f"  {name:12} {float(jnp.max(one.guaranteed / one.floor / jnp.asarray(ALLOWED))):.4f}"

@@ -1,8 +1,8 @@
 """Identify, shrink the box, design again: three rounds on the simulated motor, sequential.csv.
 
 A smaller box allows more acceleration (18), and with more acceleration a log proves more of M. Of
-the other parameters no log can prove much more than the first one does, as the floor shows; but all
-logs together leave less possible of them than each does.
+the other parameters no log can promise much more than the first one does, as the floor shows; but
+what is possible of them shrinks with every log, as far as its data happen to be lucky.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ from jaxid.design import Effort
 from jaxid.estimate import Estimate
 from jaxid.experiment import log_of, run
 from jaxid.feasible_set import FeasibleSet, feasible_set
-from jaxid.files import Cell, write_table
+from jaxid.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.floor import floor
 from jaxid.foresight import foreseen
 from jaxid.guarantee import assumptions, identify_log, identify_logs
@@ -59,14 +59,24 @@ class Sequential:
     """Three experiments, each under the limits that the box left by the one before allows.
 
     Attributes:
-        out: the folder that sequential.csv and sequential.png are written to.
+        out: the folder of sequential.csv, sequential.png and the motions of all rounds.
         seed: of the searches.
+        redraw: use the motions in `out` instead of searching.
         toy: one jerk limit, two rounds, hardly searched: only shows that everything runs.
     """
 
     out: Path = Path("figures")
     seed: int = 0
+    redraw: bool = False
     toy: bool = False
+
+    def named(self, name: str) -> Path:
+        """A file; a toy's never takes the place of a real one."""
+        return self.out / (f"toy_{name}" if self.toy else name)
+
+    def path(self, jerk: float, number: int) -> Path:
+        """Of the motion of a round."""
+        return self.named(f"sequential_{jerk:g}_{number}.csv")
 
 
 class Round(NamedTuple):
@@ -102,9 +112,8 @@ def main(options: Sequential) -> None:
                 rows += rows_of(jerk, number, done)
                 logs.append(done.log)
                 progress.update()
-    prefix = "toy_" if options.toy else ""
-    write_table(options.out / f"{prefix}sequential.csv", COLUMNS, rows)
-    draw(options.out / f"{prefix}sequential.png", rows)
+    write_table(options.named("sequential.csv"), COLUMNS, rows)
+    draw(options.named("sequential.png"), rows)
     print(text_table(COLUMNS, [[row[name] for name in COLUMNS] for row in rows]))
     print("These intervals rest on:", *assumptions(motor.system(), *logs), sep="\n  ")
 
@@ -116,11 +125,14 @@ def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> It
     """
     first = known = motor.system()
     done: list[Round] = []
-    for horizon in horizons:
+    for number, horizon in enumerate(horizons, start=1):
         limits = allowed(known, jerk)
         least = floor(first, limits).value
         task = Task(limits, motor.boundary(), 2 * horizon, motor.KNOT_PERIOD)
-        motion = designed(options, task, least, done)
+        path = options.path(jerk, number)
+        if not options.redraw:
+            write_trajectory(path, designed(options, task, least, done))
+        motion = read_trajectory(path)
         log = measured(known, motion)
         logs = [*(before.log for before in done), log]
         together = identify_logs(first, logs)
@@ -142,7 +154,7 @@ def allowed(system: System, jerk: float) -> Limits:
 def designed(
     options: Sequential, task: Task, least: Float[Array, " m"], done: Sequence[Round]
 ) -> JerkTrajectory:
-    """For what the log will prove by itself: more where there is room, and elsewhere no less."""
+    """For what the log will prove by itself: more where there is room, elsewhere hardly less."""
     effort = TOY if options.toy else Effort()
     key = jax.random.fold_in(jax.random.key(options.seed), len(done))
     if not done:
