@@ -27,6 +27,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: "test_programs" not in item.nodeid)
 
 
+# Every compiled function holds memory maps, of which Linux allows a process 65,530; when they run
+# out, the compiler crashes. The whole suite on one worker needs more.
+MAPS, MOST_MAPS = Path("/proc/self/maps"), 30_000
+
+
+def pytest_runtest_teardown() -> None:
+    if MAPS.exists() and MAPS.read_bytes().count(b"\n") > MOST_MAPS:
+        jax.clear_caches()
+
+
 FIGURES = Path(__file__).parent.parent / "figures"
 
 
