@@ -29,7 +29,8 @@ says which room may import from which; it is tested, and so is that nobody impor
     dwells <- feasible, limits, problem, quantities
     polish <- admissible, axis_conditions, feasible, linear_programs, problem, quantities, \
 trajectory
-    design <- admissible, descent, dwells, feasible, polish, problem, quantities, starts, trajectory
+    design <- admissible, descent, dwells, feasible, polish, problem, quantities, starts, \
+trajectory
     refine <- admissible, axis_conditions, feasible, polish, problem, quantities, trajectory
     record <- system, trajectory
     bound <- checks, quantities, record
@@ -48,17 +49,18 @@ trajectory
     objective <- bound, filters, loop, quantities, record, simulate, system, trajectory
     excitation <- -
     estimate <- bound, record, system
-    log <- checks, quantities, ranges, system
-    log_rows <- estimate, log, quantities, ranges, record, regressors, system
+    log <- checks, quantities, ranges
+    brackets <- checks, log, quantities, ranges, system
+    log_rows <- brackets, estimate, log, quantities, ranges, record, regressors, system
     joint <- checks, log_rows, record
     modulating <- bound, log_rows
     feasible_set <- checks, disturbance_bounds, estimate, log_rows, modulating, quantities, \
 record, system
-    guarantee <- checks, estimate, joint, log, log_rows, modulating, system
+    guarantee <- brackets, checks, estimate, joint, log, log_rows, modulating, system
     foresight <- checks, control, disturbance, log, loop, quantities, sensing, simulate, system, \
 trajectory
-    guaranteed_error <- bound, checks, disturbance_bounds, foresight, guarantee, log, log_rows, \
-modulating, quantities, ranges, system, trajectory
+    guaranteed_error <- bound, brackets, checks, disturbance_bounds, foresight, guarantee, \
+log_rows, modulating, quantities, ranges, system, trajectory
     motion_design <- admissible, bound, checks, design, feasible, foresight, guaranteed_error, \
 objective, polish, problem, quantities, system, trajectory
     appraisal <- checks, floor, foresight, guarantee, objective, system, trajectory
@@ -85,6 +87,7 @@ motion_design, report, setpoints, trajectory
 from jaxid.appraisal import Appraisal, appraise
 from jaxid.axis_file import Axis, read_axis
 from jaxid.bound import Norm, infinity
+from jaxid.brackets import Brackets, brackets
 from jaxid.control import ARC, OpenLoop, PDFeedforward
 from jaxid.design import Design, Effort, design
 from jaxid.disturbance_bounds import ConstantBound, SpeedBand
@@ -105,7 +108,7 @@ from jaxid.limits import (
     position_at_least,
     through,
 )
-from jaxid.log import Brackets, Log, brackets
+from jaxid.log import Log
 from jaxid.loop import Loop, Sampled, Scenarios
 from jaxid.minimax import Optimum, minimax
 from jaxid.motion_design import GuaranteedEffort, design_guaranteed, design_motion

@@ -17,6 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy import sparse
 from scipy.optimize import linprog
 
 from jaxid.checks import require
@@ -216,13 +217,13 @@ def _unseen(program: Program, index: int) -> Float[np.ndarray, " m"] | None:
 
     In half-widths: |momentsᵀν − Sᵀe| ≤ 1 at every knot for some errors |e| ≤ 1 of the sensor.
     """
-    (m, count), noisy = program.moments.shape, len(program.spread)
-    rows = np.hstack([program.moments.T, -program.moments.T, program.spread.T])
+    (m, count), noisy = program.moments.shape, program.spread.shape[0]
+    rows = sparse.hstack([program.moments.T, -program.moments.T, program.spread.T])
     unit = np.zeros((1, 2 * m + noisy))
     unit[0, index], unit[0, m + index] = 1.0, -1.0
     solution = linprog(
         np.concatenate([np.ones(2 * m), np.zeros(noisy)]),
-        A_ub=np.concatenate([rows, -rows]),
+        A_ub=sparse.vstack([rows, -rows]),
         b_ub=np.ones(2 * count),
         A_eq=unit,
         b_eq=[1.0],

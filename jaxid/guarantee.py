@@ -7,10 +7,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
+from jaxid.brackets import brackets
 from jaxid.checks import require
 from jaxid.estimate import Estimate
 from jaxid.joint import joined
-from jaxid.log import Log, brackets
+from jaxid.log import Log
 from jaxid.log_rows import Logged, guaranteed, hats
 from jaxid.modulating import KNOTS, modulating
 from jaxid.system import System
@@ -111,11 +112,12 @@ def assumptions(system: System, *logs: Log) -> tuple[str, ...]:
 
 
 def _of_the_servo(log: Log, length: str) -> tuple[str, str]:
-    half = float(log.resolution) / 2
+    half, jitter = float(log.resolution) / 2, float(log.jitter)
     encoder = f"to {half:.4g} {length}" if half > 0 else "exactly"
+    steady = f"; both up to {jitter:.4g} s too early or too late" if jitter > 0 else ""
     return (
         f"The input acts as commanded, without delay, and is held for {float(log.period):g} s.",
-        f"The encoder reads the position at the beginning of each hold, {encoder}.",
+        f"The encoder reads the position at the beginning of each hold, {encoder}{steady}.",
     )
 
 

@@ -15,11 +15,11 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from jaxid.bound import affine_worst_case_error, bias
+from jaxid.brackets import Brackets, brackets
 from jaxid.checks import is_concrete, require
 from jaxid.disturbance_bounds import Cautious
 from jaxid.foresight import Foresight, Servo, foreseen
 from jaxid.guarantee import identify_log, narrowed
-from jaxid.log import Brackets, brackets
 from jaxid.log_rows import Logged, hats
 from jaxid.modulating import optimal
 from jaxid.quantities import Scalar
@@ -94,7 +94,8 @@ class GuaranteedError(eqx.Module):
             shift = middle - stop_gradient(middle)
             return Range(x.lower + shift, x.upper + shift)
 
-        found = Brackets(*map(moved, found, states))
+        y, v, a = map(moved, found[:3], states)
+        found = Brackets(y, v, a, found.reading)
         step = jnp.abs(states.acceleration) * log.period / 2
         blend = jnp.where(smoothing > 0, smoothing * self.speed + step, 0.0)
         return hats(softened(self.narrow, blend), log, found)

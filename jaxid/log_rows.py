@@ -18,15 +18,16 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxid.brackets import Brackets
 from jaxid.estimate import Estimate, estimate
-from jaxid.log import Brackets, Log
+from jaxid.log import Log
 from jaxid.quantities import Motion, Scalar
 from jaxid.ranges import Range, size
 from jaxid.record import Record, Rows
 from jaxid.regressors import Viscous
 from jaxid.system import System
 
-# of a bound: far more than its sums lose by rounding; readings have theirs in `Log.reading_error`
+# of a bound: far more than its sums lose by rounding; readings have theirs in `Log`
 ROUNDED = 1e-9
 
 
@@ -74,16 +75,16 @@ def hats(system: System, log: Log, found: Brackets) -> Logged:
     """Test functions that are hats over two ticks: ÿ and ẏ from positions alone.
 
     By parts ∫hat·ÿ is a second difference of positions, exactly, and ∫hat·ẏ a difference of two
-    means, which the trapezoid rule knows to h²/12·|ÿ|. The input is exact, since it is held.
+    means, which the trapezoid rule knows to h²/12·|ÿ|. The input is exact, but for jitter.
     Weights on hats are a piecewise linear modulating function that vanishes at both ends (M.
     Shinbrot, "On the Analysis of Linear and Nonlinear Systems", 1957).
     """
     h, y = log.period, log.position
-    middles, doubt = _bracketed(system, found)
+    middles, doubt = _bracketed(system, log, found)
     columns = _columns(system, y, (y[2:] - y[:-2]) / (2 * h), h, map(_mean, middles))
-    rows = Rows(columns, _mean(doubt), jnp.full(columns[0].shape, h))
+    rows = Rows(columns, _mean(doubt), _measure(log))
     most, size_of = _most(system), size(found.acceleration).upper
-    half, n = log.reading_error, y.size
+    half, n = found.reading, y.size
     channels = {"quantised ÿ": _channel((1.0, -2.0, 1.0), most[0] * half / h**2, n)}
     for j in _viscous(system):
         channels[f"quantised ẏ of {system.names[j]}"] = _channel(
@@ -103,10 +104,10 @@ def boxes(system: System, log: Log, found: Brackets) -> Logged:
     by up to h/2·|ÿ|, whatever the encoder.
     """
     h, y = log.period, log.position
-    middles, doubt = _bracketed(system, found)
+    middles, doubt = _bracketed(system, log, found)
     columns = _columns(system, y, jnp.diff(y)[1:] / h, h, (f[1:] for f in middles))
-    rows = Rows(columns, doubt[1:], jnp.full(columns[0].shape, h))
-    most, half, n = _most(system), log.reading_error, y.size
+    rows = Rows(columns, doubt[1:], _measure(log))
+    most, half, n = _most(system), found.reading, y.size
     lag = most[0] * size(found.acceleration).upper / 2
     channels = {
         "quantised ÿ": _channel((1.0, -2.0, 1.0), most[0] * half / h**2, n),
@@ -145,13 +146,18 @@ def _columns(
     return (jnp.diff(position, 2) / period**2, *forces)
 
 
+def _measure(log: Log) -> Float[Array, " rows"]:
+    """Of rows of two ticks: zero unless both took place."""
+    return jnp.where(log.took_place()[1:], log.period, 0.0)
+
+
 def _mean(x: Float[Array, " n"]) -> Float[Array, " n-1"]:
     """Over the two ticks of each hat."""
     return (x[:-1] + x[1:]) / 2
 
 
-def _bracketed(system: System, found: Brackets) -> tuple[tuple[Motion, ...], Motion]:
-    """Middles of all regressors in each tick, and δ with what their ranges add to it.
+def _bracketed(system: System, log: Log, found: Brackets) -> tuple[tuple[Motion, ...], Motion]:
+    """Middles of all regressors in each tick, and δ with what their ranges and jitter add to it.
 
     The ranges of ÿ and ẏ itself count nothing: these are measured.
     """
@@ -161,7 +167,7 @@ def _bracketed(system: System, found: Brackets) -> tuple[tuple[Motion, ...], Mot
     most, known = _most(system), _viscous(system)
     for j, doubt in enumerate(doubts, start=1):
         delta = delta + (0.0 if j in known else most[j] * doubt)
-    return middles, delta
+    return middles, delta + log.misheld()
 
 
 def _split(x: Range) -> tuple[Motion, Motion]:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from scipy import sparse
 from scipy.optimize import OptimizeResult, linprog
 
 from jaxid.bound import Norm
@@ -96,7 +97,8 @@ class Program:
         self.delta = delta @ self.basis
         self.moments = half_widths[:, None] * (phi.T @ self.basis) / self.delta
         noisy = noise[kinks] != 0
-        self.spread = noise[kinks][noisy, None] * second[noisy] / self.delta
+        in_units = sparse.diags_array(noise[kinks][noisy]), sparse.diags_array(1 / self.delta)
+        self.spread = in_units[0] @ second[noisy] @ in_units[1]
 
     def least(
         self, functional: Float[np.ndarray, " m"], misfit: Float[np.ndarray, " n"] | None = None
@@ -115,7 +117,7 @@ class Program:
         tilt = np.zeros_like(self.delta) if misfit is None else misfit @ self.basis / self.delta
         solution = self._solved(1.0, tilt, self.half_widths * functional / unit)
         if solution.x is None:
-            return np.zeros(len(self.basis)), self.half_widths * np.sign(functional)
+            return np.zeros(self.basis.shape[0]), self.half_widths * np.sign(functional)
         return unit * self._weights(solution.x), self.half_widths * solution.eqlin.marginals
 
     def contradicting(self, misfit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -123,7 +125,7 @@ class Program:
         tilt = misfit @ self.basis / self.delta
         solution = self._solved(0.0, tilt, np.zeros_like(self.half_widths), most=1.0)
         if solution.x is None:  # of data far out of scale: then nothing is contradicted
-            return np.zeros(len(self.basis))
+            return np.zeros(self.basis.shape[0])
         return self._weights(solution.x)
 
     def _solved(
@@ -134,21 +136,21 @@ class Program:
         most: float | None = None,
     ) -> OptimizeResult:
         """Min price·Σ|x| + xᵀtilt + Σ|S x| + Σ|target − moments·x|, with Σ|x| ≤ most."""
-        (m, count), noisy = self.moments.shape, len(self.spread)
-        slacks = np.zeros((1, noisy + 2 * m))
+        (m, count), noisy = self.moments.shape, self.spread.shape[0]
         bias = np.hstack([np.zeros((m, noisy)), np.eye(m), -np.eye(m)])
-        free = np.hstack([-np.eye(noisy), np.zeros((noisy, 2 * m))])
+        free = sparse.hstack([-sparse.eye_array(noisy), sparse.csr_array((noisy, 2 * m))])
         above = [
-            np.hstack([self.spread, -self.spread, free]),
-            np.hstack([-self.spread, self.spread, free]),
+            sparse.hstack([self.spread, -self.spread, free]),
+            sparse.hstack([-self.spread, self.spread, free]),
         ]
         limit = np.zeros(2 * noisy)
         if most is not None:
-            above.append(np.hstack([np.ones((1, 2 * count)), slacks]))
+            above.append(sparse.csr_array(np.arange(2 * count + noisy + 2 * m)[None] < 2 * count))
             limit = np.append(limit, most)
-        return linprog(
+        # a sparse A_ub is welcome there, whatever its stub says
+        return linprog(  # pyright: ignore[reportCallIssue]
             np.concatenate([price + tilt, price - tilt, np.ones(noisy + 2 * m)]),
-            A_ub=np.concatenate(above),
+            A_ub=sparse.vstack(above),  # pyright: ignore[reportArgumentType]
             b_ub=limit,
             A_eq=np.hstack([self.moments, -self.moments, bias]),
             b_eq=target,
@@ -164,27 +166,38 @@ class _Family(NamedTuple):
     """Piecewise linear weights: hat functions of coarse knots, zero outside of each log.
 
     Attributes:
-        basis: on the rows, which are the samples 1 … size.
+        basis: on the rows, which are the samples 1 … size; n × knots.
         kinks: the samples, from 0 on and with two beyond the rows, where any of them turns.
-        second: their second differences there.
+        second: their second differences there; kinks × knots.
     """
 
-    basis: Float[np.ndarray, "n knots"]
+    basis: sparse.csr_array
     kinks: Int[np.ndarray, " kinks"]
-    second: Float[np.ndarray, "kinks knots"]
+    second: sparse.csr_array
 
 
 @functools.lru_cache(maxsize=4)
 def _family(size: int, runs: Pieces, most: int) -> _Family:
-    blocks = [np.zeros((size, 0))]  # where no row counts, there are no weights
-    for start, stop in runs:
-        count = stop - start
-        at = np.unique(np.linspace(0, count + 1, min(most, count) + 2).round())
-        samples = np.arange(1, count + 1)
-        hats = [np.interp(samples, at, unit) for unit in np.eye(len(at))[1:-1]]
-        blocks.append(np.pad(np.stack(hats, axis=1), ((start, size - stop), (0, 0))))
-    basis = np.concatenate(blocks, axis=1)
-    second = np.diff(np.pad(basis, ((2, 2), (0, 0))), 2, axis=0)
-    second[np.abs(second) < 1e-12] = 0.0
-    kinks = np.flatnonzero(np.any(second != 0, axis=1))
+    blocks = [_hats(start, stop - start, size, most) for start, stop in runs]
+    # where no row counts, there are no weights
+    basis = sparse.csr_array(sparse.hstack([sparse.csr_array((size, 0)), *blocks]))
+    turning = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, -1, -2], shape=(size + 2, size))
+    second = sparse.csr_array(turning @ basis)
+    second.data[np.abs(second.data) < 1e-12] = 0.0
+    second.eliminate_zeros()
+    kinks = np.flatnonzero(np.diff(second.indptr))
     return _Family(basis, kinks, second[kinks])
+
+
+def _hats(start: int, count: int, size: int, most: int) -> sparse.csr_array:
+    """Of the knots of one log, whose rows begin at `start`."""
+    at = np.unique(np.linspace(0, count + 1, min(most, count) + 2).round())
+    samples = np.arange(1, count + 1)
+    left = np.searchsorted(at, samples, side="right") - 1  # the knot at or before
+    share = (samples - at[left]) / (at[left + 1] - at[left])
+    rows = np.concatenate([samples, samples]) - 1 + start
+    knots = np.concatenate([left, left + 1]) - 1  # neither end has a hat
+    values = np.concatenate([1 - share, share])
+    inside = (knots >= 0) & (knots < len(at) - 2) & (values != 0)
+    entries = values[inside], (rows[inside], knots[inside])
+    return sparse.csr_array(entries, shape=(size, len(at) - 2))

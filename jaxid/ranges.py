@@ -42,7 +42,7 @@ def minus(one: Range, other: Range) -> Range:
     return Range(one.lower - other.upper, one.upper - other.lower)
 
 
-def scaled(factor: Values, x: Range) -> Range:
+def scaled(factor: Values | float, x: Range) -> Range:
     """A number of either sign times a range."""
     a, b = factor * x.lower, factor * x.upper
     return Range(jnp.minimum(a, b), jnp.maximum(a, b))

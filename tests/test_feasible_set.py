@@ -8,13 +8,13 @@ import pytest
 from scipy.optimize import OptimizeResult, linprog
 
 from jaxid import linear_motor as motor
+from jaxid.brackets import brackets
 from jaxid.disturbance import NoDisturbance
 from jaxid.estimate import estimate
 from jaxid.estimators import ESTIMATORS
 from jaxid.experiment import log_of, run
 from jaxid.feasible_set import blind, feasible_set, louder, projection, smallest_factor, unlogged
 from jaxid.guarantee import identify_log
-from jaxid.log import brackets
 from jaxid.log_rows import guaranteed, hats
 from jaxid.record import Record, Rows
 from jaxid.sensing import Encoder

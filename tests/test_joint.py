@@ -10,13 +10,14 @@ import pytest
 from conftest import uniform_in_box
 
 from jaxid import linear_motor as motor
+from jaxid.brackets import brackets
 from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares
 from jaxid.experiment import log_of, run
 from jaxid.feasible_set import feasible_set, unlogged
 from jaxid.files import read_trajectory
 from jaxid.guarantee import assumptions, identify_log, identify_logs
 from jaxid.joint import joined
-from jaxid.log import Log, brackets
+from jaxid.log import Log
 from jaxid.log_rows import boxes, guaranteed, hats
 from jaxid.modulating import pieces
 from jaxid.sensing import Encoder

@@ -9,6 +9,7 @@ from scipy.optimize import linprog
 
 from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
+from jaxid.brackets import brackets
 from jaxid.control import PDFeedforward
 from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares
 from jaxid.estimators import Filtered, LeastSquares
@@ -16,7 +17,7 @@ from jaxid.experiment import log_of
 from jaxid.feasible import motion_space
 from jaxid.feasible_set import louder
 from jaxid.guarantee import assumptions, identify_log
-from jaxid.log import Log, brackets
+from jaxid.log import Log, filled
 from jaxid.log_rows import boxes, guaranteed, hats
 from jaxid.loop import random_parameters, vertices
 from jaxid.modulating import modulating
@@ -316,3 +317,14 @@ def test_what_a_guarantee_rests_on_is_said(quiet):
     level = assumptions(arm.system(), Log(log.input, log.position, H, 0.0))[1]
     assert arm.system().input_unit in level
     assert "exactly" in assumptions(motor.system(), log)[3]
+
+
+def test_ticks_that_only_fill_the_arrays_up_change_nothing(quiet):
+    system, (_, _, exact) = motor.system(), quiet
+    log = noisy(exact, 1.0)
+    one, other = (identify_log(system, x) for x in (log, filled(log, log.input.size + 700)))
+    np.testing.assert_allclose(one.estimate.bound, other.estimate.bound, rtol=1e-12)
+    np.testing.assert_allclose(one.estimate.theta, other.estimate.theta, rtol=1e-11)
+    ranges = (brackets(system, x)[:3] for x in (log, filled(log, 4000)))
+    for own, longer in zip(*map(jax.tree.leaves, ranges), strict=True):
+        np.testing.assert_allclose(own, longer[: own.size], rtol=1e-12, atol=1e-12)

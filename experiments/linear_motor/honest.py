@@ -20,6 +20,7 @@ from experiments.linear_motor import simulated_logs
 from experiments.linear_motor.simulated_logs import Motions
 from experiments.processes import each
 from jaxid import linear_motor as motor
+from jaxid.brackets import brackets
 from jaxid.estimate import Estimate, least_squares_estimate
 from jaxid.estimators import ESTIMATORS, Filtered, LeastSquares
 from jaxid.feasible_set import feasible_set
@@ -27,7 +28,7 @@ from jaxid.files import write_bytes, write_table
 from jaxid.filters import filtered
 from jaxid.floor import floor
 from jaxid.guarantee import identify_log
-from jaxid.log import Log, brackets
+from jaxid.log import Log
 from jaxid.log_rows import boxes, guaranteed, hats
 from jaxid.report import text_table
 from jaxid.runtime import configure

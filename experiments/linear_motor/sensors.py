@@ -16,6 +16,7 @@ from experiments.linear_motor.designs import HORIZON, ONE_MOTION, STUDIED, Cell,
 from experiments.linear_motor.figures import SYMBOLS
 from jaxid import linear_motor as motor
 from jaxid import report
+from jaxid.brackets import brackets
 from jaxid.estimate import Estimate
 from jaxid.estimators import Filtered, LeastSquares
 from jaxid.files import Cell as Value
@@ -23,7 +24,7 @@ from jaxid.files import read_trajectory, write_table
 from jaxid.floor import floor
 from jaxid.foresight import Servo, foreseen
 from jaxid.guarantee import ROUNDS, narrowed
-from jaxid.log import Log, brackets
+from jaxid.log import Log
 from jaxid.log_rows import Logged, boxes, guaranteed, hats
 from jaxid.modulating import modulating
 from jaxid.quantities import Scalar
