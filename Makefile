@@ -30,7 +30,7 @@ compare: $(READY)  ## chirps, multisines and other excitations, each optimised, 
 sensors: $(READY)  ## what a guarantee costs over encoder resolutions and servo periods; two minutes
 	$(BIN)/python -m experiments.linear_motor.sensors
 
-sequential: $(READY)  ## three experiments, each under limits that the ones before have widened; eight minutes
+sequential: $(READY)  ## three experiments, each under limits that the ones before have widened; 15 minutes
 	$(BIN)/python -m experiments.linear_motor.sequential
 
 arm: $(READY)  ## the second axis: designs, how good they are, and what one run proves; three minutes

@@ -66,7 +66,10 @@ objective, polish, problem, quantities, system, trajectory
     appraisal <- checks, floor, foresight, guarantee, objective, system, trajectory
     experiment <- bound, checks, control, estimate, filters, log, record, sensing, simulate, \
 system, trajectory
-    axis_file <- disturbance_bounds, foresight, limits, problem, regressors, system, trajectory
+    log_file <- checks
+    steady <- checks, log, log_file
+    axis_file <- disturbance_bounds, foresight, limits, log_file, problem, regressors, system, \
+trajectory
     files <- checks, trajectory
     setpoints <- checks, files, limits, trajectory
     blocks <- checks, files
@@ -81,7 +84,10 @@ simulate, system
 simulate, system
     axis_design <- appraisal, axis_file, design, files, floor, foresight, guarantee, \
 motion_design, report, setpoints, trajectory
-    cli <- axis_design, axis_file, checks, design, files, motion_design, report, runtime
+    axis_identify <- axis_file, brackets, checks, feasible_set, files, guarantee, joint, limits, \
+log_file, log_rows, modulating, quantities, report, steady, system
+    cli <- axis_design, axis_file, axis_identify, checks, design, files, log_file, motion_design, \
+report, runtime, steady
 """
 
 from jaxid.appraisal import Appraisal, appraise

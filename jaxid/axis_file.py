@@ -4,6 +4,7 @@ The file is data. It never runs code, whatever is in it.
 """
 
 import math
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -14,12 +15,16 @@ import msgspec
 from jaxid.disturbance_bounds import ConstantBound, DisturbanceBound, SpeedBand
 from jaxid.foresight import Servo
 from jaxid.limits import Boundary, Limits, Via, acceleration_limit, through
+from jaxid.log_file import Column, Columns
 from jaxid.problem import Task
 from jaxid.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Sine, Spring, Viscous
 from jaxid.system import System, Term
 from jaxid.trajectory import uniform
 
 Coordinate = Literal["linear", "rotary"]
+_LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+_ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 Pair = tuple[float, float]
 Direction = Literal["both", "forward", "backward"]
 
@@ -33,6 +38,7 @@ class Axis(NamedTuple):
         servo: without a controller.
         gain: unit of the input per unit of what is commanded.
         delay: servo periods until a command acts.
+        columns: of its logs, if the file says; the input converted by the gain.
     """
 
     system: System
@@ -40,6 +46,7 @@ class Axis(NamedTuple):
     servo: Servo
     gain: float
     delay: int
+    columns: Columns | None
 
 
 def read_axis(path: Path) -> Axis:
@@ -214,6 +221,32 @@ class _Limits(_Table):
         )
 
 
+class _Log(_Table):
+    """Units are names, or numbers: SI units per unit of the column."""
+
+    position: Column
+    input: Column
+    time: Column | None = None
+    position_unit: str | float = 1.0
+    time_unit: str | float = 1.0
+    input_unit: float = 1.0
+
+    def columns(self, coordinate: Coordinate, gain: float) -> Columns:
+        """With the input in the unit of the axis."""
+        lengths = _LENGTHS if coordinate == "linear" else _ANGLES
+        position = _unit("position_unit", self.position_unit, lengths)
+        time = _unit("time_unit", self.time_unit, _TIMES)
+        input = gain * _unit("input_unit", self.input_unit, {})
+        return Columns(self.position, self.input, self.time, position, input, time)
+
+
+def _unit(name: str, unit: str | float, named: Mapping[str, float]) -> float:
+    found = named.get(unit) if isinstance(unit, str) else unit
+    if not found:
+        raise ValueError(f"`{name}` must be {', '.join([*named, 'a number'])}, but is {unit!r}")
+    return found
+
+
 class _Via(_Table):
     at: float
     lower: float | None = None
@@ -261,6 +294,7 @@ class _File(_Table):
     disturbance: _Disturbance
     limits: _Limits
     motion: _Motion
+    log: _Log | None = None
 
 
 def _axis(file: _File) -> Axis:
@@ -275,4 +309,6 @@ def _axis(file: _File) -> Axis:
     servo = Servo(file.servo.period, file.servo.resolution, None, file.servo.velocity_error)
     at_rest = uniform(task.boundary.start, jnp.zeros(task.intervals), task.period)
     servo.foresight(system, at_rest)  # refuses what no log can be kept with
-    return Axis(system, task, servo, file.input.gain, file.input.delay)
+    gain = file.input.gain
+    columns = None if file.log is None else file.log.columns(file.coordinate, gain)
+    return Axis(system, task, servo, gain, file.input.delay, columns)

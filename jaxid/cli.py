@@ -5,19 +5,26 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import tyro
 from tqdm import tqdm
 
+from jaxid import axis_identify
 from jaxid.axis_design import ALL, FILES, AxisDesign, design_axis, write_design
 from jaxid.axis_file import Coordinate, example, read_axis
+from jaxid.axis_identify import Identified, identify_axis
 from jaxid.checks import require
 from jaxid.design import Effort
 from jaxid.files import write_bytes
+from jaxid.log_file import read_log
 from jaxid.motion_design import GuaranteedEffort
 from jaxid.report import text_table
 from jaxid.runtime import configure
+from jaxid.steady import rows_used
 
 _QUICK = GuaranteedEffort(1, Effort(starts=16, generations=10, rounds=0, polished=1), (1e-3, 1e-4))
+CONTRADICTED = 3  # the exit code
+_SHOWN = 10  # pieces of a log that are named
 EFFORTS = {"usual": GuaranteedEffort(), "quick": _QUICK}
 
 
@@ -68,12 +75,46 @@ def design(
     print(f"Written to {out}: {', '.join(FILES)}")
 
 
+def identify(
+    axis: tyro.conf.Positional[Path],
+    log: tyro.conf.Positional[Path],
+    out: Path,
+    force: bool = False,
+) -> None:
+    """Read a log of an axis: intervals that hold for its parameters, and whether it contradicts δ.
+
+    The exit code is 3 if it does. Example: jaxid identify slide.toml run1.csv --out run1
+
+    Args:
+        axis: the file that describes it; its table [log] says which column is what.
+        log: CSV, MAT or HDF5, of a motion that was designed or of any other.
+        out: the folder for the result and a picture of what least squares leaves.
+        force: replace files that are there.
+    """
+    _keep([out / name for name in axis_identify.FILES], force)
+    known = read_axis(axis)
+    if known.columns is None:
+        raise ValueError(f"File {axis} must say in a table [log] which column is what: jaxid init.")
+    recorded = read_log(log, known.columns)
+    with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
+        found = identify_axis(known, recorded, line.set_description)
+    axis_identify.write_identified(out, found)
+    print(_rows_used(found))
+    print(_intervals(found))
+    for name, combination in found.unseen.items():
+        print(f"{name} cannot be told apart from others: {_exchange(found, combination)}")
+    print("This rests on:", *axis_identify.summary(found)["rests_on"], sep="\n  ")
+    print(f"Written to {out}: {', '.join(axis_identify.FILES)}")
+    if found.guarantee is None:
+        raise SystemExit(CONTRADICTED)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """What the command runs; errors are sentences, and their exit code is 1."""
     configure()
     try:
         tyro.extras.subcommand_cli_from_dict(
-            {"init": init, "design": design},
+            {"init": init, "design": design, "identify": identify},
             prog="jaxid",
             description="From limits of a machine axis to guaranteed intervals of its parameters.",
             args=arguments,
@@ -93,6 +134,42 @@ def _table(found: AxisDesign) -> str:
     numbers = zip(*(column.tolist() for column in columns), strict=True)
     rows = [(*head, *row) for *head, row in zip(system.names, system.units, numbers, strict=True)]
     return text_table(header, rows, "What its log can be expected to prove")
+
+
+def _rows_used(found: Identified) -> str:
+    rows, pieces = found.recorded.position.size, found.pieces
+    shown = [f"{p.first + 1}–{p.last + 1}" for p in pieces]
+    where = ", ".join(shown[:_SHOWN]) + (", …" if len(shown) > _SHOWN else "")
+    most = max(float(p.log.jitter) for p in pieces)
+    return f"Used {rows_used(pieces)} of {rows} rows: {where}; jitter up to {most:.3g} s."
+
+
+def _intervals(found: Identified) -> str:
+    system = found.axis.system
+    if found.guarantee is None or found.left is None:
+        return (
+            "The log contradicts the axis: within the box, disturbances of "
+            f"{found.factor:.4g} times δ or more would be needed. No interval is printed."
+        )
+    header = ("parameter", "unit", "prior", "guaranteed", "possible")
+    pairs = (
+        (system.lower, system.upper),
+        (found.guarantee.estimate.lower, found.guarantee.estimate.upper),
+        (found.left.lower, found.left.upper),
+    )
+    columns = [
+        [f"{low:.5g} … {high:.5g}" for low, high in zip(*map(np.asarray, pair), strict=True)]
+        for pair in pairs
+    ]
+    rows = list(zip(system.names, system.units, *columns, strict=True))
+    title = f"What the log proves; it could be explained with {found.factor:.3g}·δ, not with less"
+    return text_table(header, rows, title)
+
+
+def _exchange(found: Identified, combination: np.ndarray) -> str:
+    system = found.axis.system
+    parts = zip(system.names, combination.tolist(), system.units, strict=True)
+    return ", ".join(f"{amount:+.3g} {unit} of {name}" for name, amount, unit in parts if amount)
 
 
 def _keep(paths: Iterable[Path], force: bool) -> None:

@@ -69,8 +69,9 @@ def feasible_set(
     needed = _needed(logged, program, misfit)
     require(
         needed <= 1.0,
-        "Argument `logged`: no θ of the box can have left these data with |Δ| ≤ δ; δ, the box or "
-        "the errors of the sensor are too small, or an input is not what was commanded.",
+        "Argument `logged`: no θ of the box can have left these data with |Δ| ≤ δ, but at least "
+        f"{needed:.4g}·δ; δ, the box or the errors of the sensor are too small, or an input is not "
+        "what was commanded. `smallest_factor` says what δ must be multiplied by.",
     )
     axes = np.eye(len(system.names))
     upper = _ends(logged, program, misfit, axes)

@@ -24,8 +24,8 @@ class Guarantee(NamedTuple):
     """What a log proves.
 
     Attributes:
-        estimate: by optimal modulating functions, its box that which the round before left: the
-            intervals are inside everything known before.
+        estimate: by optimal modulating functions, its box that which the round before left, and
+            each of several logs: the intervals are inside everything known before.
         logged: the rows of the last round, for other estimators.
     """
 
@@ -52,7 +52,7 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
 
     The brackets of the motion are the narrower the smaller the box is, and a log makes the box
     smaller: all are read again with the intervals that each, and all together, have proved.
-    Several logs then bound no error wider than one of them does.
+    Several logs then bound no error wider than one of them does with what all have proved before.
 
     Args:
         system: its box and δ, which the intervals rest on.
@@ -69,27 +69,42 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
     )
     narrow = system
     for _ in range(ROUNDS - 1):
-        parts = [hats(narrow, log, brackets(narrow, log)) for log in logs]
-        singles = [part for part in parts if part.record.input.size]  # one tick makes no row
-        wholes = parts if len(parts) == 1 else [*singles, joined(parts)]
-        found = [_modulated(whole, system, knots) for whole in wholes]
-        narrow = narrowed(system, *found)
-    logged = joined([hats(narrow, log, brackets(narrow, log)) for log in logs])
-    last = _modulated(logged, system, knots)
-    narrowed(system, last)  # refuses what nothing can have left
-    return Guarantee(last, logged)
+        narrow = narrowed(system, *_read(narrow, system, logs, knots)[1])
+    logged, found = _read(narrow, system, logs, knots)
+    narrowed(system, *found)  # refuses what nothing can have left
+    return Guarantee(_best(found), logged)
 
 
-def _modulated(logged: Logged, system: System, knots: int) -> Estimate:
-    return guaranteed(logged, modulating(logged, system.half_widths, knots=knots))
+def _read(
+    narrow: System, system: System, logs: Sequence[Log], knots: int
+) -> tuple[Logged, list[Estimate]]:
+    """All logs as rows, and what all together and each of several prove."""
+    parts = [hats(narrow, log, brackets(narrow, log)) for log in logs]
+    together = joined(parts)
+    singles = [part for part in parts if part.record.input.size]  # one tick makes no row
+    wholes = [together] if len(parts) == 1 else [together, *singles]
+    weights = (modulating(whole, system.half_widths, knots=knots) for whole in wholes)
+    return together, [guaranteed(*pair) for pair in zip(wholes, weights, strict=True)]
 
 
-def assumptions(system: System, *logs: Log) -> tuple[str, ...]:
+def _best(found: Sequence[Estimate]) -> Estimate:
+    """Of each parameter the one with the least bound; all intervals have the truth in common."""
+    if len(found) == 1:
+        return found[0]
+    theta, bound = (jnp.stack(x) for x in zip(*((e.theta, e.bound) for e in found), strict=True))
+    least = jnp.argmin(bound, axis=0), jnp.arange(bound.shape[1])
+    lower = functools.reduce(jnp.maximum, [one.lower for one in found])
+    upper = functools.reduce(jnp.minimum, [one.upper for one in found])
+    return Estimate(theta[least], bound[least], lower, upper)
+
+
+def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
     """What the intervals from logs rest on: sentences to print beside them.
 
     Args:
         system: with the prior box.
         logs: that were read, alone or together.
+        delay: periods until a command acts, which the logs count already.
     """
     length = "m" if system.coordinate == "linear" else "rad"
     box = ", ".join(
@@ -105,18 +120,19 @@ def assumptions(system: System, *logs: Log) -> tuple[str, ...]:
     return (
         f"The box: {box}.",
         f"Everything unmodelled is at all times at most δ: {most}.",
-        *dict.fromkeys(sentence for log in logs for sentence in _of_the_servo(log, length)),
+        *dict.fromkeys(sentence for log in logs for sentence in _of_the_servo(log, length, delay)),
         *(together if len(logs) > 1 else ()),
         *estimated,
     )
 
 
-def _of_the_servo(log: Log, length: str) -> tuple[str, str]:
+def _of_the_servo(log: Log, length: str, delay: int) -> tuple[str, str]:
     half, jitter = float(log.resolution) / 2, float(log.jitter)
     encoder = f"to {half:.4g} {length}" if half > 0 else "exactly"
     steady = f"; both up to {jitter:.4g} s too early or too late" if jitter > 0 else ""
+    late = f"{delay} periods later" if delay else "without delay"
     return (
-        f"The input acts as commanded, without delay, and is held for {float(log.period):g} s.",
+        f"The input acts as commanded, {late}, and is held for {float(log.period):g} s.",
         f"The encoder reads the position at the beginning of each hold, {encoder}{steady}.",
     )
 
@@ -134,7 +150,8 @@ def narrowed(system: System, *found: Estimate) -> System:
             float(low) <= float(high),
             f"Argument `log`: no {name} in its prior interval can have left it; the box, δ or the "
             f"resolution is too small (the data ask for {name} from {float(low):.6g} on, the box "
-            f"and the data before allow it up to {float(high):.6g}).",
+            f"and the data before allow it up to {float(high):.6g}). `smallest_factor` says by how "
+            "much δ is.",
         )
     ends = [jnp.stack(pair) for pair in zip(lower, upper, strict=True)]
     return eqx.tree_at(lambda s: [term.interval for term in s.terms], system, ends)

@@ -116,7 +116,7 @@ def test_each_round_knows_more_than_the_one_before(figures):
     """
     rounds = {}
     for row in read_table(figures / "sequential.csv"):
-        values = {name: float(x) for name, x in row.items() if name != "parameter"}
+        values = {name: float(x) for name, x in row.items() if x and name != "parameter"}
         rounds[values["jerk_m_s3"], row["parameter"], values["round"]] = values
     assert len(rounds) == 2 * 4 * 3
     for (jerk, name, number), now in rounds.items():
@@ -127,20 +127,19 @@ def test_each_round_knows_more_than_the_one_before(figures):
         if number == 1:
             continue
         before = rounds[jerk, name, number - 1]
-        # what the programs resolve; of M more than that
-        assert now["bound"] <= before["bound"] * (1 + 1e-5)
-        assert width(now) <= width(before) * (1 + 1e-5)
+        assert now["bound"] < before["bound"]
+        assert width(now) < 0.9995 * width(before)
         assert now["acceleration_m_s2"] > before["acceleration_m_s2"]
-        if name == "M":
-            assert now["bound"] < 0.997 * before["bound"]
-            assert width(now) < 0.99 * width(before)
+        if name == "M":  # also by the log of this round alone
+            assert now["alone"] < 0.998 * before["alone"]
         if name == "M" and number == 2:
-            # at most 37 %, which is what the floor gives up
+            # mostly since the box allows more acceleration, not for the longer time
             assert now["alone"] < (0.8 if jerk == 1000 else 0.65) * before["alone"]
+            assert now["alone_first_limits"] > 0.95 * before["alone"]
 
 
 def test_the_table_of_the_rounds_is_that_of_the_motions_in_the_files(figures, tmp_path):
-    for path in figures.glob("sequential_*_?.csv"):
+    for path in figures.glob("sequential_*_*.csv"):
         shutil.copy(path, tmp_path)
     sequential.main(sequential.Sequential(tmp_path, redraw=True))
     again, printed = (read_table(folder / "sequential.csv") for folder in (tmp_path, figures))

@@ -160,3 +160,15 @@ def test_what_several_logs_rest_on_is_said_once(logs):
     assert "one axis, whose parameters and zero of position stayed the same" in said[-1]
     assert [line for line in said if "0.0004 s" in line or "2.5e-06 m" in line] == list(said[4:6])
     assert len(assumptions(SYSTEM, logs[0])) == 4
+
+
+def test_another_log_widens_no_interval(figures):
+    """A corner of the box and a coarse encoder, where the short cut widened that of F_c by 39 %."""
+    theta = jnp.array([0.18, 0.0, 0.0, -0.5])
+    for number, kind in enumerate((NoDisturbance(), AgainstTracking(10.0), AgainstTracking(-10.0))):
+        logs = logs_of(figures, theta, (kind, random_shares(jax.random.key(number), 3000)))
+        alone = [identify_log(SYSTEM, log, KNOTS).estimate for log in logs]
+        together = identify_logs(SYSTEM, logs, KNOTS).estimate
+        for one in alone:
+            assert np.all(together.half_length <= one.half_length * (1 + 1e-9))
+        assert np.all((together.lower <= theta) & (theta <= together.upper))

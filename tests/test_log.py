@@ -12,6 +12,7 @@ from jaxid import one_link_arm as arm
 from jaxid.brackets import brackets
 from jaxid.control import PDFeedforward
 from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares
+from jaxid.disturbance_bounds import ConstantBound
 from jaxid.estimators import Filtered, LeastSquares
 from jaxid.experiment import log_of
 from jaxid.feasible import motion_space
@@ -328,3 +329,38 @@ def test_ticks_that_only_fill_the_arrays_up_change_nothing(quiet):
     ranges = (brackets(system, x)[:3] for x in (log, filled(log, 4000)))
     for own, longer in zip(*map(jax.tree.leaves, ranges), strict=True):
         np.testing.assert_allclose(own, longer[: own.size], rtol=1e-12, atol=1e-12)
+
+
+def stripped(logged, delta, term):
+    """Rows without one of the terms that count what happens between the ticks."""
+    if term == "interpolated ẏ of B":
+        return without(logged, term)
+    plain = jnp.full_like(logged.record.rows.delta, delta)
+    return eqx.tree_at(lambda x: x.record.rows.delta, logged, plain)
+
+
+# the terms of the axis, δ and the period that make it matter
+SAMPLING = {
+    "brackets of regressors": ((0, 1, 2, 3), 1e-4, 0.001),
+    "interpolated ẏ of B": ((0, 1, 3), 1e-7, 0.0002),
+}
+
+
+@pytest.mark.parametrize("term", SAMPLING)
+def test_without_its_sampling_terms_the_bound_would_be_wrong(term, motion):
+    """An exact sensor and no disturbance: even then, where δ is small."""
+    kept, delta, period = SAMPLING[term]
+    whole = motor.system()
+    system = eqx.tree_at(lambda s: s.terms, whole, tuple(whole.terms[k] for k in kept))
+    system = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(delta))
+    theta = jnp.array([0.11, 0.3, 0.2, -0.1])[jnp.array(kept)]
+    desired = reference(motion, period, round(float(motion.duration) / period))
+    plant = Plant(system, theta, NoDisturbance())
+    _, signals = simulate(plant, motor.controller(), IdealSensor(), desired, period, SUBSTEPS)
+    log = Log(signals.input, signals.position[::SUBSTEPS], period, 0.0)
+    logged = identify_log(system, log).logged
+    bare = stripped(logged, delta, term)
+    weights = modulating(bare, system.half_widths)
+    wrong, right = guaranteed(bare, weights), guaranteed(logged, weights)
+    assert np.max(jnp.abs(wrong.theta - theta) / wrong.bound) > 1.2
+    assert np.all(jnp.abs(right.theta - theta) <= right.bound)

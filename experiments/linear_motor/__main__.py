@@ -22,6 +22,7 @@ from jaxid import linear_motor as motor
 from jaxid.design import Effort
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.floor import floor
+from jaxid.guarantee import assumptions
 from jaxid.objective import planned_error
 from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory
@@ -140,7 +141,11 @@ def save_tables(
     notes = tables.not_reduced(made["table2"][0], "J_f") + tables.not_reduced(
         made["table3"][0], "bound"
     )
-    return [*texts, "\n".join(notes)]
+    rests_on = (*assumptions(motor.system()), "All signals of Tables II and III are exact.")
+    rests = "\n".join(
+        ["The intervals of Tables II and III rest on:", *(f"  {x}" for x in rests_on)]
+    )
+    return [*texts, "\n".join(notes), rests]
 
 
 def kept(

@@ -15,6 +15,7 @@ from jaxid.experiment import log_of, run
 from jaxid.feasible_set import FeasibleSet, feasible_set, projection
 from jaxid.floor import Floor
 from jaxid.guarantee import Guarantee, assumptions, identify_log
+from jaxid.log_rows import guaranteed
 from jaxid.record import rows_of
 from jaxid.sensing import Encoder
 from jaxid.trajectory import JerkTrajectory
@@ -74,6 +75,8 @@ def experiment(motion: JerkTrajectory) -> Proof:
     _, signals = run(motor.plant(), motor.controller(), encoder, motion, motor.CONTROL_PERIOD)
     log = log_of(signals, encoder, motor.CONTROL_PERIOD)
     found = identify_log(system, log)
-    left = feasible_set(found.logged, [found.estimate], KNOTS)
+    rows, box = found.logged.record.rows, system.half_widths
+    others = [guaranteed(found.logged, estimator(rows, box)) for estimator in ESTIMATORS.values()]
+    left = feasible_set(found.logged, [found.estimate, *others], KNOTS)
     seen = {pair: projection(found.logged, *pair, KNOTS) for pair in PLANES}
     return Proof(assumptions(system, log), found, left, seen)

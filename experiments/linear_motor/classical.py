@@ -14,7 +14,8 @@ from jaxid.trajectory import JerkTrajectory
 class Information(eqx.Module):
     """Log of a size of the covariance that Δ would leave were it white noise of deviation δ.
 
-    Parameters are relative to the prior box, so that their units do not matter.
+    Parameters are relative to the prior box, so that their units do not matter. Free: the whole
+    motion, which is sought for this criterion; of several, the best by what it guarantees counts.
 
     Attributes:
         system: with its δ and regressors.

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import tyro
 from jaxtyping import Array, Bool, Float
@@ -27,7 +28,7 @@ from jaxid.feasible_set import feasible_set
 from jaxid.files import write_bytes, write_table
 from jaxid.filters import filtered
 from jaxid.floor import floor
-from jaxid.guarantee import identify_log
+from jaxid.guarantee import assumptions, identify_log
 from jaxid.log import Log
 from jaxid.log_rows import boxes, guaranteed, hats
 from jaxid.report import text_table
@@ -107,6 +108,9 @@ def main(options: Honest) -> None:
     shutil.rmtree(options.folder)
     shown = [[row[name] for name in COLUMNS] for row in rows]
     print(text_table(COLUMNS, shown, f"{options.logs} simulated logs, seed {options.seed}"))
+    kept = Log(jnp.zeros(1), jnp.zeros(2), motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)
+    rests_on = assumptions(motor.system(), kept)
+    print("All intervals but the bare ones rest on:", *rests_on, sep="\n  ")
 
 
 def complete(options: Honest) -> None:

@@ -29,8 +29,8 @@ from jaxid.experiment import log_of, run
 from jaxid.feasible_set import FeasibleSet, feasible_set
 from jaxid.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.floor import floor
-from jaxid.foresight import foreseen
 from jaxid.guarantee import assumptions, identify_log, identify_logs
+from jaxid.guaranteed_error import expected_error
 from jaxid.limits import Limits, acceleration_limit
 from jaxid.log import Log
 from jaxid.modulating import KNOTS
@@ -44,13 +44,13 @@ from jaxid.trajectory import JerkTrajectory
 
 JERKS = (1000.0, 3000.0)  # m/s³; with the second more acceleration can be used
 # N_i of each round: with a jerk of 1000 m/s³ a second motion of 0.6 s would prove of M no more than
-# the data of the first happen to leave
+# the data of the first happen to leave. What the time alone is worth is `alone_first_limits`.
 HORIZONS = (HORIZON, 2 * HORIZON, 2 * HORIZON)
-_WORTH = 0.98  # of what was proved: a parameter whose floor is not below it has no room left
+_WORTH = 0.98  # of what the motion before proves: with no floor below it there is no room left
 _NEAR = 1.02  # of the best for one parameter, that a motion for all of them is to reach
 COLUMNS = (
-    "jerk_m_s3", "round", "N", "parameter", "acceleration_m_s2", "theta_true", "alone", "floor",
-    "bound", "lower", "upper", "possible_lower", "possible_upper",
+    "jerk_m_s3", "round", "N", "parameter", "acceleration_m_s2", "theta_true", "alone",
+    "alone_first_limits", "floor", "bound", "lower", "upper", "possible_lower", "possible_upper",
 )  # fmt: skip
 
 
@@ -74,9 +74,9 @@ class Sequential:
         """A file; a toy's never takes the place of a real one."""
         return self.out / (f"toy_{name}" if self.toy else name)
 
-    def path(self, jerk: float, number: int) -> Path:
-        """Of the motion of a round."""
-        return self.named(f"sequential_{jerk:g}_{number}.csv")
+    def path(self, jerk: float, number: int, first_limits: bool = False) -> Path:
+        """Of the motion of a round, under its limits or those of the first one."""
+        return self.named(f"sequential_{jerk:g}_{number}{'_first' * first_limits}.csv")
 
 
 class Round(NamedTuple):
@@ -88,6 +88,7 @@ class Round(NamedTuple):
         limits: that the box before it allows.
         least: the floor under them: no log of a motion within them proves more.
         alone: by this log.
+        alone_first_limits: by one as long under the limits of the first box, if that was tried.
         found: by all logs so far together.
         left: all that they leave possible: the box of the next round.
     """
@@ -97,6 +98,7 @@ class Round(NamedTuple):
     limits: Limits
     least: Float[Array, " m"]
     alone: Estimate
+    alone_first_limits: Estimate | None
     found: Estimate
     left: FeasibleSet
 
@@ -128,20 +130,32 @@ def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> It
     for number, horizon in enumerate(horizons, start=1):
         limits = allowed(known, jerk)
         least = floor(first, limits).value
-        task = Task(limits, motor.boundary(), 2 * horizon, motor.KNOT_PERIOD)
-        path = options.path(jerk, number)
-        if not options.redraw:
-            write_trajectory(path, designed(options, task, least, done))
-        motion = read_trajectory(path)
+        motion = chosen(options, options.path(jerk, number), limits, horizon, done)
         log = measured(known, motion)
         logs = [*(before.log for before in done), log]
         together = identify_logs(first, logs)
         left = feasible_set(together.logged, [together.estimate], KNOTS)
         alone = identify_log(first, log).estimate
-        done.append(Round(log, motion, limits, least, alone, together.estimate, left))
+        control = None
+        if done and horizon > done[-1].motion.jerk.size // 2:  # what the time alone is worth
+            path = options.path(jerk, number, first_limits=True)
+            usual = chosen(options, path, allowed(first, jerk), horizon, done)
+            control = identify_log(first, measured(known, usual)).estimate
+        found = together.estimate
+        done.append(Round(log, motion, limits, least, alone, control, found, left))
         yield done[-1]
         ends = [jnp.stack(pair) for pair in zip(left.lower, left.upper, strict=True)]
         known = eqx.tree_at(lambda s: [term.interval for term in s.terms], first, ends)
+
+
+def chosen(
+    options: Sequential, path: Path, limits: Limits, horizon: int, done: Sequence[Round]
+) -> JerkTrajectory:
+    """The motion for a round, kept in a file."""
+    if not options.redraw:
+        task = Task(limits, motor.boundary(), 2 * horizon, motor.KNOT_PERIOD)
+        write_trajectory(path, designed(options, task, done))
+    return read_trajectory(path)
 
 
 def allowed(system: System, jerk: float) -> Limits:
@@ -151,17 +165,16 @@ def allowed(system: System, jerk: float) -> Limits:
     return Limits(acceleration=acceleration_limit(system, **box), jerk=(-jerk, jerk), **box)
 
 
-def designed(
-    options: Sequential, task: Task, least: Float[Array, " m"], done: Sequence[Round]
-) -> JerkTrajectory:
+def designed(options: Sequential, task: Task, done: Sequence[Round]) -> JerkTrajectory:
     """For what the log will prove by itself: more where there is room, elsewhere hardly less."""
     effort = TOY if options.toy else Effort()
     key = jax.random.fold_in(jax.random.key(options.seed), len(done))
     if not done:
         return one_motion(motor.system(), task, key, effort)
-    proved, before = done[-1].alone.bound, done[-1].motion
+    before, least = done[-1].motion, floor(motor.system(), task.limits).value
+    # a motion that was designed for other limits is as good a start, and may stay
     starts = [key, before] if before.jerk.size == task.intervals else [key]
-    targets = proved
+    proved = targets = expected(before)
     for k in np.flatnonzero(least < _WORTH * proved):
         only = jnp.full(len(proved), jnp.inf).at[k].set(proved[k])
         reached, _ = best(task, only, starts, with_starts(effort))
@@ -175,13 +188,23 @@ def best(
     starts: Sequence[jax.Array | JerkTrajectory],
     effort: GuaranteedEffort,
 ) -> tuple[Float[Array, " m"], JerkTrajectory]:
-    """Of the designs from several starts, and what it is expected to prove."""
+    """What is expected of the best design from several starts, and the motion.
+
+    By the error that is designed for; so that a start which is a motion is never made worse.
+    """
     system, servo, found = motor.system(), motor.servo(), []
     for k, start in enumerate(starts):
         motion = design_guaranteed(system, task, targets, start, servo, effort=effort)
-        bound = identify_log(system, foreseen(system, motion, servo)).estimate.bound
+        bound = expected(motion)
         found.append((float(jnp.max(bound / targets)), k, bound, motion))
     return min(found)[2:]
+
+
+def expected(motion: JerkTrajectory) -> Float[Array, " m"]:
+    """Errors, should the velocity miss that of the motion as the servo may, where δ jumps."""
+    system, speed = motor.system(), abs(motor.limits().velocity).max()
+    error = expected_error(system, system.half_widths, motion, motor.servo(), speed)
+    return error.errors(motion, jnp.zeros(()))
 
 
 def measured(system: System, motion: JerkTrajectory) -> Log:
@@ -194,7 +217,7 @@ def measured(system: System, motion: JerkTrajectory) -> Log:
 
 def rows_of(jerk: float, number: int, done: Round) -> list[dict[str, Cell]]:
     """For the table."""
-    found, left = done.found, done.left
+    found, left, control = done.found, done.left, done.alone_first_limits
     return [
         {
             "jerk_m_s3": jerk,
@@ -204,6 +227,7 @@ def rows_of(jerk: float, number: int, done: Round) -> list[dict[str, Cell]]:
             "acceleration_m_s2": float(done.limits.acceleration[1]),
             "theta_true": motor.TRUE_PARAMETERS[k],
             "alone": float(done.alone.bound[k]),
+            "alone_first_limits": None if control is None else float(control.bound[k]),
             "floor": float(done.least[k]),
             "bound": float(found.bound[k]),
             "lower": float((found.theta - found.bound)[k]),

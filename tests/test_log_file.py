@@ -1,0 +1,117 @@
+"""Recorded logs in the files that people have: what is read is what was written, or is refused."""
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.io import savemat
+
+from jaxid.log_file import Columns, read_log
+
+RANDOM = np.random.default_rng(0)
+TIME = 0.001 * np.arange(40)
+POSITION, INPUT = RANDOM.normal(size=(2, 40))
+NAMED = Columns("q", "u", "t")
+SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": "  "}
+
+
+def text_of(separator, decimal, before, names, rows=None):
+    rows = np.stack([TIME, INPUT, POSITION], axis=1) if rows is None else rows
+    lines = [*before, *([separator.join(names)] if names else [])]
+    lines += [separator.join(repr(float(x)).replace(".", decimal) for x in row) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def same(found, time=TIME):
+    np.testing.assert_array_equal(found.position, POSITION)
+    np.testing.assert_array_equal(found.input, INPUT)
+    assert time is found.time or np.array_equal(found.time, time)
+
+
+@given(
+    st.sampled_from(sorted(SEPARATORS)),
+    st.booleans(),
+    st.sampled_from([[], ["# of 2026-11-26, axis 3"], ["", "% one", "# two"]]),
+    st.sampled_from(["names", "names and units", "commented", "none"]),
+    st.booleans(),
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_text_of_any_layout_is_read(tmp_path, separator, comma, before, header, mark):
+    """Any separator, decimal commas where they can be, comments, a row of units, a byte mark."""
+    parted = SEPARATORS[separator]
+    decimal = "," if comma and separator != "comma" else "."
+    names = ["t", "u", "q"] if header != "none" else []
+    if header == "commented":
+        names[0] = "# t"
+    text = text_of(parted, decimal, before, names)
+    if header == "names and units":
+        text = text.replace(parted.join(names), parted.join(names) + "\n" + parted.join("sVm"), 1)
+    path = tmp_path / "log.csv"
+    path.write_text(("\ufeff" if mark else "") + text)
+    same(read_log(path, NAMED if names else Columns(3, 2, 1)))
+    same(read_log(path, Columns(3, 2)), time=None)
+
+
+def test_arrays_are_read_by_name_and_columns_of_a_matrix_by_number(tmp_path):
+    matrix = np.stack([TIME, INPUT, POSITION])
+    savemat(tmp_path / "named.mat", {"t": TIME, "u": INPUT[:, None], "q": POSITION, "gain": 3.0})
+    savemat(tmp_path / "matrix.mat", {"ans": matrix})
+    with h5py.File(tmp_path / "named.h5", "w") as file:
+        for name, x in {"run/t": TIME, "run/u": INPUT, "run/q": POSITION}.items():
+            file[name] = x
+    with h5py.File(tmp_path / "new.mat", "w") as file:  # as MATLAB 7.3 writes it
+        file["ans"] = matrix.T
+    same(read_log(tmp_path / "named.mat", NAMED))
+    same(read_log(tmp_path / "matrix.mat", Columns(3, 2, 1)))
+    same(read_log(tmp_path / "named.h5", Columns("run/q", "run/u", "run/t")))
+    same(read_log(tmp_path / "new.mat", Columns(3, 2, 1)))
+
+
+def test_units_are_converted(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(text_of(",", ".", [], ["t", "u", "q"]))
+    found = read_log(path, Columns("q", "u", "t", 1e-3, -35.0, 1e-6))
+    np.testing.assert_array_equal(found.position, 1e-3 * POSITION)
+    np.testing.assert_array_equal(found.input, -35.0 * INPUT)
+    np.testing.assert_array_equal(found.time, 1e-6 * TIME)
+
+
+def test_a_missing_number_is_none(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,u,q\n0.0,1.0,2.0\n0.001,,2.5\n0.002,nan,2.5\n0.003,1.0,\n")
+    found = read_log(path, NAMED)
+    assert np.isnan(found.input).tolist() == [False, True, True, False]
+    assert np.isnan(found.position).tolist() == [False, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "columns", "said"),
+    [
+        ("log.csv", "", NAMED, "is empty"),
+        ("log.csv", "t,u,q\n", NAMED, "no row of numbers"),
+        ("log.csv", "t,u,y\n0,1,2\n", NAMED, "no column 'q'; it has t, u, y"),
+        ("log.csv", "0,1,2\n", Columns(4, 2, 1), "column 4 must be from 1 to 3"),
+        ("log.csv", "t,u,q\n0,1,2\n1,off,3\n", NAMED, "off"),
+        ("log.mat", "no matrix", NAMED, r"log\.mat"),
+        ("log.h5", "no HDF5", NAMED, r"log\.h5"),
+        ("log.bin", "0", NAMED, r"must end in \.csv"),
+    ],
+)
+def test_what_is_no_log_is_refused_in_a_sentence(tmp_path, name, content, columns, said):
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(ValueError, match=said) as refused:
+        read_log(path, columns)
+    assert name in str(refused.value)
+
+
+def test_arrays_that_do_not_belong_together_are_refused(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(path, {"t": TIME, "u": INPUT[1:], "q": POSITION})
+    with pytest.raises(ValueError, match=r"one length, but are \{'t': 40, 'q': 40, 'u': 39\}"):
+        read_log(path, NAMED)
+    with pytest.raises(ValueError, match="no array 'y'; it has t, u, q"):
+        read_log(path, Columns("y", "u"))
+    with pytest.raises(ValueError, match="0 matrices instead of one"):
+        read_log(path, Columns(1, 2))

@@ -1,0 +1,108 @@
+"""Rows of a log cut into pieces: every piece keeps to its ticks and names its rows."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jaxid.log_file import Recorded
+from jaxid.steady import rows_used, steady
+
+H, Q = 0.001, 1e-6
+
+
+def recorded(time, seed=0):
+    n = len(time)
+    position, input = np.random.default_rng(seed).normal(size=(2, n))
+    return Recorded(np.asarray(time), position, input)
+
+
+def check(log, pieces, time, delay=0):
+    """Everything that a piece promises, from the rows of the file."""
+    for piece in pieces:
+        one, first, last = piece.log, piece.first, piece.last
+        n = one.input.size if one.count is None else int(one.count)
+        skipped = first + delay + (one.jitter > 0)
+        assert n == last - skipped
+        ticks = skipped + np.arange(n)
+        assert np.array_equal(one.position[: n + 1], log.position[skipped : last + 1])
+        assert np.array_equal(one.input[:n], log.input[ticks - delay])
+        if one.jitter > 0:
+            ends = [log.input[skipped - 1 - delay], log.input[last - delay]]
+            assert np.array_equal(one.outer, ends)
+        stamps = time[first : last + 1]
+        steps = np.arange(len(stamps)) * float(one.period)
+        missed = stamps - steps
+        # equal steps that miss none by more than the jitter: the middle of what they miss
+        assert np.ptp(missed) / 2 <= float(one.jitter) + 1e-12
+        assert float(one.jitter) <= 0.1 * float(one.period)
+    rows = [k for piece in pieces for k in range(piece.first, piece.last + 1)]
+    assert len(rows) == len(set(rows)) == rows_used(pieces)
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([0.0, 1e-6, 0.01, 0.05, 0.09]),
+    st.integers(0, 6),
+    st.integers(0, 3),
+)
+def test_every_piece_is_steady(seed, share, events, delay):
+    """Gaps, repeated stamps, rows without a number and jitter, anywhere."""
+    random = np.random.default_rng(seed)
+    n = 400
+    steps = np.full(n - 1, H)
+    steps[random.integers(0, n - 1, events)] = random.choice([0.0, 2.0, 7.3, -0.5, 0.3]) * H
+    time = np.append(0.0, np.cumsum(steps)) + share * H * random.uniform(-1, 1, n)
+    log = recorded(time, seed)
+    missing = random.integers(0, n, events)
+    log.position[missing[: events // 2]] = np.nan
+    log.input[missing[events // 2 :]] = np.nan
+    pieces = steady(log, H, Q, delay)
+    check(log, pieces, time, delay)
+    assert all(np.isfinite(log.position[p.first : p.last + 1]).all() for p in pieces)
+    if share < 0.05:  # two events cost at most the few rows between them
+        assert rows_used(pieces) >= n - 2 * events * (6 + delay)
+
+
+def test_a_clock_without_jitter_has_none_and_its_log_is_whole():
+    """Stamps of any start, with a period that is 1 % off the servo's: rounding is no jitter."""
+    for period, start in ((H, 0.0), (1.005 * H, 1234.5), (0.0002, 7.0)):
+        time = start + period * np.arange(5000)
+        (piece,) = steady(recorded(time), round(period, 4), Q)
+        assert (piece.first, piece.last, piece.log.outer) == (0, 4999, None)
+        assert float(piece.log.jitter) == 0.0
+        assert float(piece.log.period) == pytest.approx(period, rel=1e-12)
+    (piece,) = steady(Recorded(None, *recorded(time)[1:]), 0.0002, Q)
+    assert float(piece.log.jitter) == 0.0
+
+
+def test_pieces_of_many_lengths_have_few_shapes():
+    time = H * np.arange(6000)
+    log = recorded(time)
+    cuts = np.unique(np.random.default_rng(1).integers(0, 6000, 40))
+    log.input[cuts] = np.nan
+    pieces = steady(log, H, Q)
+    check(log, pieces, time)
+    assert len({p.last - p.first for p in pieces}) > 20
+    assert len({p.log.input.size for p in pieces}) <= 6
+
+
+def test_a_clock_that_drifts_is_cut_where_it_must_be():
+    """A period that changes by 2 % on the way: pieces, each of them nearly straight."""
+    time = np.append(0.0, np.cumsum(np.linspace(0.995, 1.005, 4000) * H))
+    log = recorded(time)
+    pieces = steady(log, H, Q)
+    check(log, pieces, time)
+    assert 4 <= len(pieces) <= 64
+    assert rows_used(pieces) > 3900
+
+
+def test_what_no_servo_of_this_period_can_have_left_is_refused():
+    with pytest.raises(ValueError, match=r"no 4 rows on end that are 0\.001 s"):
+        steady(recorded(np.cumsum(np.tile([1.0, 1.0, 1.0, 0.5, 1.5], 60) * H)), H, Q)
+    with pytest.raises(ValueError, match=r"1 s apart, but .* 0.001 s.*unit of time right\?"):
+        steady(recorded(np.arange(100.0)), H, Q)
+    with pytest.raises(ValueError, match=r"0.002 s apart, but .*from row to row\.$"):
+        steady(recorded(2 * H * np.arange(100)), H, Q)
+    with pytest.raises(ValueError, match="no two rows one after the other"):
+        steady(recorded(np.zeros(100)), H, Q)
