@@ -1,0 +1,171 @@
+"""From a log in a file to intervals that hold the truth, or to what speaks against them."""
+
+import json
+import re
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import cli
+from jaxid import linear_motor as motor
+from jaxid.axis_file import example, read_axis
+from jaxid.axis_identify import FILES, identify_axis
+from jaxid.experiment import log_of, run
+from jaxid.files import read_trajectory
+from jaxid.guarantee import identify_logs
+from jaxid.log_file import Recorded
+from jaxid.sensing import Encoder
+from jaxid.steady import steady
+from jaxid.trajectory import uniform
+
+DELAY = 2
+TRUTH = np.array(motor.TRUE_PARAMETERS)
+UNITS = [
+    ("delay = 0 ", f"delay = {DELAY} "),
+    ('time = "time_s"', 'time = "t"'),
+    ('time_unit = "s"', 'time_unit = "ms"'),
+    ('position = "position_m"', "position = 3"),
+    ('position_unit = "m"', 'position_unit = "um"'),
+    ('input = "input"', 'input = "u"'),
+    ("gain = 1.0", "gain = -0.5"),
+]
+
+
+@pytest.fixture(scope="module")
+def log(figures):
+    """Of the motor, with cogging and friction."""
+    motion = read_trajectory(figures / "trajectory_minimax.csv")
+    encoder, period = Encoder(motor.ENCODER_RESOLUTION), motor.CONTROL_PERIOD
+    _, signals = run(motor.plant(), motor.controller(), encoder, motion, period)
+    return log_of(signals, encoder, period)
+
+
+def rows_of(log):
+    """Time in ms, what was commanded two periods before it acted, position in µm."""
+    n = log.input.size - DELAY
+    time = 1e3 * motor.CONTROL_PERIOD * np.arange(n)
+    commanded = np.asarray(log.input)[DELAY:] / -0.5
+    return np.stack([time, commanded, 1e6 * np.asarray(log.position)[:n]], axis=1)
+
+
+def written(tmp_path, rows, *changes):
+    """An axis file and a log as text."""
+    axis = example("linear")
+    for old, new in (*UNITS, *changes):
+        assert old in axis
+        axis = axis.replace(old, new, 1)
+    axis = axis.replace("input = [-10.0, 10.0]", "input = [-20.0, 20.0]", 1)
+    (tmp_path / "axis.toml").write_text(axis)
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=";", header="t;u;q", fmt="%.17g")
+    return str(tmp_path / "axis.toml"), str(tmp_path / "log.csv"), "--out", str(tmp_path / "out")
+
+
+def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
+    rows = rows_of(log)
+    rows[1200, 1] = np.nan
+    rows = np.delete(rows, slice(700, 720), axis=0)
+    rows = np.insert(rows, 2000, rows[2000], axis=0)
+    arguments = written(tmp_path, rows)
+    cli.main(["identify", *arguments])
+    said = capsys.readouterr().out
+    assert f"of {len(rows)} rows: 1–700, 701–1180, 1182–2001, 2002–{len(rows)}" in said
+    assert "acts as commanded, 2 periods later" in said
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert sorted(FILES) == sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert found["consistent"]
+    assert found["rows_used"] == len(rows) - 1
+    for truth, (name, one) in zip(TRUTH, found["parameters"].items(), strict=True):
+        (low, high), (least, most) = one["guaranteed"], one["possible"]
+        assert one["prior"][0] <= low <= least <= truth <= most <= high <= one["prior"][1]
+        assert name in said
+        assert f"{low:.5g} … {high:.5g}" in said
+    # the same as from Python
+    axis = read_axis(tmp_path / "axis.toml")
+    time, u, q = rows.T
+    recorded = Recorded(time * 1e-3, q * 1e-6, u * -0.5)
+    pieces = steady(recorded, axis.servo.period, axis.servo.resolution, DELAY)
+    own = identify_logs(axis.system, [piece.log for piece in pieces], 3000 // len(pieces))
+    bounds = [one["bound"] for one in found["parameters"].values()]
+    np.testing.assert_allclose(bounds, own.estimate.bound, rtol=1e-9)
+    assert bounds[0] < 0.0039  # the whole log proves 0.0036
+    with pytest.raises(SystemExit):
+        cli.main(["identify", *arguments])
+    assert "would be replaced" in capsys.readouterr().err
+
+
+def test_a_log_with_a_large_unknown_force_is_falsified(tmp_path, log, capsys):
+    """0.6 V more during the last third: more than twice δ, which no θ of the box can be."""
+    rows = rows_of(log)
+    rows[2000:, 1] += 0.6 / -0.5
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["identify", *written(tmp_path, rows)])
+    assert stopped.value.code == 3
+    assert "contradicts the axis" in capsys.readouterr().out
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert not found["consistent"]
+    assert 1.0 < found["smallest_factor_of_disturbance_bound"] < 0.75 / 0.15
+    assert all("guaranteed" not in one for one in found["parameters"].values())
+
+
+def test_a_record_that_cannot_tell_two_parameters_apart_says_so(tmp_path, capsys):
+    """At one speed in one direction: friction and offset are one force."""
+    n, period, speed = 1500, motor.CONTROL_PERIOD, 0.5
+    time = period * np.arange(n)
+    q = 0.1 + speed * time
+    u = np.full(n, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
+    rows = np.stack([1e3 * time, u / -0.5, np.round(1e6 * q, 1)], axis=1)
+    cli.main(["identify", *written(tmp_path, rows)])
+    said = capsys.readouterr().out
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert "M cannot be told apart" in said
+    assert {"M", "B", "Fc"} <= found["not_told_apart"].keys()
+    assert found["parameters"]["M"]["possible"] == found["parameters"]["M"]["prior"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('position_unit = "um"', 'position_unit = "mm"'), r"position reaches .* position_unit"),
+        (("input_unit = 1.0", "input_unit = 1e4"), r"input reaches .* Is input_unit right\?"),
+        (('time_unit = "ms"', 'time_unit = "s"'), "0.2 s apart.*unit of time right"),
+        (("position = 3", "position = 4"), "column 4 must be from 1 to 3"),
+        (('input = "u"', 'input = "U"'), "no column 'U'; it has t, u, q"),
+    ],
+)
+def test_what_is_wrong_with_a_log_is_hinted_at(tmp_path, log, capsys, change, said):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["identify", *written(tmp_path, rows_of(log), change)])
+    assert stopped.value.code == 1
+    message = capsys.readouterr().err.splitlines()[-1]
+    assert message.startswith("jaxid: ")
+    assert re.search(said, message)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_axis_without_columns_reads_no_log(tmp_path, log, capsys):
+    arguments = written(tmp_path, rows_of(log))
+    text = (tmp_path / "axis.toml").read_text()
+    (tmp_path / "axis.toml").write_text(text[: text.index("[log]")])
+    with pytest.raises(SystemExit):
+        cli.main(["identify", *arguments])
+    assert "must say in a table [log]" in capsys.readouterr().err
+
+
+def test_a_log_of_any_motion_will_do(tmp_path):
+    """Constant speeds there and back, that nobody designed."""
+    jerk = jnp.array([60.0, -60.0, 0.0, -60.0, 60.0, -60.0, 60.0, 0.0, 60.0, -60.0])
+    motion = uniform(jnp.zeros(3), jerk, 0.06)
+    encoder, period = Encoder(motor.ENCODER_RESOLUTION), motor.CONTROL_PERIOD
+    _, signals = run(motor.plant(), motor.controller(), encoder, motion, period)
+    log = log_of(signals, encoder, period)
+    (tmp_path / "axis.toml").write_text(example("linear"))
+    recorded = Recorded(None, np.asarray(log.position)[:-1], np.asarray(log.input))
+    found = identify_axis(read_axis(tmp_path / "axis.toml"), recorded)
+    assert np.all((found.left.lower <= TRUTH) & (found.left.upper >= TRUTH))
+    assert found.factor < 1
+    # what is left of the input is not more than δ but for what least squares shift
+    assert np.max(np.abs(found.misfit.rest)) < 2 * 0.25
+    assert np.max(np.abs(found.misfit.velocity)) == pytest.approx(
+        float(jnp.max(jnp.abs(signals.velocity))), rel=0.05
+    )
