@@ -24,7 +24,7 @@ class Guarantee(NamedTuple):
     """What a log proves.
 
     Attributes:
-        estimate: by optimal modulating functions, its box that which the round before left, and
+        estimate: by optimal modulating functions, its box that which the round before left, or
             each of several logs: the intervals are inside everything known before.
         logged: the rows of the last round, for other estimators.
     """
@@ -51,8 +51,8 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
     """Intervals for θ of every plant of a system that can have left all of several logs.
 
     The brackets of the motion are the narrower the smaller the box is, and a log makes the box
-    smaller: all are read again with the intervals that each, and all together, have proved.
-    Several logs then bound no error wider than one of them does with what all have proved before.
+    smaller: all are read together with the box that each has left alone. No bound and no interval
+    is wider than that of any log alone.
 
     Args:
         system: its box and δ, which the intervals rest on.
@@ -67,28 +67,30 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
         f"Argument `logs` must hold one log at least of two ticks or more, but holds {len(logs)} "
         "that have fewer.",
     )
-    narrow = system
+    several = [log for log in logs if log.input.size > 1] if len(logs) > 1 else []
+    alone = [_read(system, system, [log], knots).estimate for log in several]
+    narrow = narrowed(system, *alone) if alone else system
+    together = _read(narrow, system, logs, knots)
+    return Guarantee(_best([together.estimate, *alone]), together.logged)
+
+
+def _read(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Guarantee:
+    """All logs as the rows of one, read again with the box that the first reading leaves."""
+    found = _once(narrow, system, logs, knots)
     for _ in range(ROUNDS - 1):
-        narrow = narrowed(system, *_read(narrow, system, logs, knots)[1])
-    logged, found = _read(narrow, system, logs, knots)
-    narrowed(system, *found)  # refuses what nothing can have left
-    return Guarantee(_best(found), logged)
+        found = _once(narrowed(system, found.estimate), system, logs, knots)
+    narrowed(system, found.estimate)  # refuses what nothing can have left
+    return found
 
 
-def _read(
-    narrow: System, system: System, logs: Sequence[Log], knots: int
-) -> tuple[Logged, list[Estimate]]:
-    """All logs as rows, and what all together and each of several prove."""
-    parts = [hats(narrow, log, brackets(narrow, log)) for log in logs]
-    together = joined(parts)
-    singles = [part for part in parts if part.record.input.size]  # one tick makes no row
-    wholes = [together] if len(parts) == 1 else [together, *singles]
-    weights = (modulating(whole, system.half_widths, knots=knots) for whole in wholes)
-    return together, [guaranteed(*pair) for pair in zip(wholes, weights, strict=True)]
+def _once(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Guarantee:
+    logged = joined([hats(narrow, log, brackets(narrow, log)) for log in logs])
+    weights = modulating(logged, system.half_widths, knots=knots)
+    return Guarantee(guaranteed(logged, weights), logged)
 
 
 def _best(found: Sequence[Estimate]) -> Estimate:
-    """Of each parameter the one with the least bound; all intervals have the truth in common."""
+    """Of each parameter the one with the least bound; what all intervals have in common."""
     if len(found) == 1:
         return found[0]
     theta, bound = (jnp.stack(x) for x in zip(*((e.theta, e.bound) for e in found), strict=True))

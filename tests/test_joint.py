@@ -126,7 +126,9 @@ def test_a_log_in_pieces_proves_nearly_what_the_whole_proves(logs, seed):
     assert np.all(found.bound < 1.01 * whole)
     one = Log(log.input[:1], log.position[:2], log.period, log.resolution)
     with_one = identify_logs(SYSTEM, [one, log], KNOTS).estimate.bound
-    np.testing.assert_allclose(with_one, identify_log(SYSTEM, log, KNOTS).estimate.bound, rtol=1e-9)
+    alone = identify_log(SYSTEM, log, KNOTS).estimate.bound
+    # read twice more, with a box that is already small
+    assert np.all((with_one <= alone) & (alone < with_one * (1 + 1e-5)))
 
 
 def test_logs_of_two_motors_contradict_each_other(figures, logs):
@@ -170,5 +172,6 @@ def test_another_log_widens_no_interval(figures):
         alone = [identify_log(SYSTEM, log, KNOTS).estimate for log in logs]
         together = identify_logs(SYSTEM, logs, KNOTS).estimate
         for one in alone:
-            assert np.all(together.half_length <= one.half_length * (1 + 1e-9))
+            assert np.all((one.lower <= together.lower) & (together.upper <= one.upper))
+            assert np.all(together.bound <= one.bound)
         assert np.all((together.lower <= theta) & (theta <= together.upper))
