@@ -68,8 +68,8 @@ objective, polish, problem, quantities, system, trajectory
 system, trajectory
     log_file <- checks
     steady <- checks, log, log_file
-    axis_file <- disturbance_bounds, foresight, limits, log_file, problem, regressors, system, \
-trajectory
+    axis_file <- control, disturbance_bounds, foresight, limits, log_file, problem, regressors, \
+system, trajectory
     files <- checks, trajectory
     setpoints <- checks, files, limits, trajectory
     blocks <- checks, files
@@ -86,8 +86,10 @@ simulate, system
 motion_design, report, setpoints, trajectory
     axis_identify <- axis_file, brackets, checks, feasible_set, files, guarantee, joint, limits, \
 log_file, log_rows, modulating, quantities, report, steady, system
-    cli <- axis_design, axis_file, axis_identify, checks, design, files, log_file, motion_design, \
-report, runtime, steady
+    axis_simulate <- axis_file, checks, control, disturbance, files, guarantee, limits, log, \
+loop, report, sensing, simulate, trajectory
+    cli <- axis_design, axis_file, axis_identify, axis_simulate, checks, design, files, log_file, \
+motion_design, report, runtime, steady
 """
 
 from jaxid.appraisal import Appraisal, appraise

@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import jax.numpy as jnp
 import msgspec
 
+from jaxid.control import ARC, Controller, PDFeedforward
 from jaxid.disturbance_bounds import ConstantBound, DisturbanceBound, SpeedBand
 from jaxid.foresight import Servo
 from jaxid.limits import Boundary, Limits, Via, acceleration_limit, through
@@ -39,6 +40,7 @@ class Axis(NamedTuple):
         gain: unit of the input per unit of what is commanded.
         delay: servo periods until a command acts.
         columns: of its logs, if the file says; the input converted by the gain.
+        controller: that tracks a motion, if the file says; in the unit of the input.
     """
 
     system: System
@@ -47,6 +49,7 @@ class Axis(NamedTuple):
     gain: float
     delay: int
     columns: Columns | None
+    controller: Controller | None
 
 
 def read_axis(path: Path) -> Axis:
@@ -247,6 +250,34 @@ def _unit(name: str, unit: str | float, named: Mapping[str, float]) -> float:
     return found
 
 
+class _Law(_Table, tag_field="kind"):
+    """Its gains are in the unit in which the terms push."""
+
+    def controller(self, system: System) -> Controller:
+        raise NotImplementedError
+
+
+class _PD(_Law, tag="pd"):
+    kp: float
+    kd: float
+
+    def controller(self, system: System) -> Controller:
+        return PDFeedforward(system, system.centre, self.kp, self.kd)
+
+
+class _ARC(_Law, tag="arc"):
+    k1: float
+    k2: float
+    epsilon: float
+    gamma: dict[str, float] = {}
+
+    def controller(self, system: System) -> Controller:
+        for name in self.gamma:
+            system.index(name)  # refuses what is none
+        gamma = jnp.array([self.gamma.get(name, 0.0) for name in system.names])
+        return ARC(system, self.k1, self.k2, self.epsilon, gamma)
+
+
 class _Via(_Table):
     at: float
     lower: float | None = None
@@ -295,6 +326,7 @@ class _File(_Table):
     limits: _Limits
     motion: _Motion
     log: _Log | None = None
+    controller: _PD | _ARC | None = None
 
 
 def _axis(file: _File) -> Axis:
@@ -311,4 +343,5 @@ def _axis(file: _File) -> Axis:
     servo.foresight(system, at_rest)  # refuses what no log can be kept with
     gain = file.input.gain
     columns = None if file.log is None else file.log.columns(file.coordinate, gain)
-    return Axis(system, task, servo, gain, file.input.delay, columns)
+    law = None if file.controller is None else file.controller.controller(system)
+    return Axis(system, task, servo, gain, file.input.delay, columns, law)

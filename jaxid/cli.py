@@ -9,13 +9,14 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from jaxid import axis_identify
+from jaxid import axis_identify, axis_simulate
 from jaxid.axis_design import ALL, FILES, AxisDesign, design_axis, write_design
 from jaxid.axis_file import Coordinate, example, read_axis
 from jaxid.axis_identify import Identified, identify_axis
+from jaxid.axis_simulate import simulate_axis
 from jaxid.checks import require
 from jaxid.design import Effort
-from jaxid.files import write_bytes
+from jaxid.files import read_trajectory, write_bytes
 from jaxid.log_file import read_log
 from jaxid.motion_design import GuaranteedEffort
 from jaxid.report import text_table
@@ -75,6 +76,43 @@ def design(
     print(f"Written to {out}: {', '.join(FILES)}")
 
 
+def simulate(
+    axis: tyro.conf.Positional[Path],
+    design: tyro.conf.Positional[Path],
+    plants: int = 200,
+    logs: int = 10,
+    seed: int = 0,
+    force: bool = False,
+) -> None:
+    """Let random axes of the box track a designed motion in closed loop: what will happen?
+
+    Example: jaxid simulate slide.toml slide
+
+    Args:
+        axis: the file that describes it; its table [controller] says what tracks the motion.
+        design: the folder of `jaxid design`, which the results are put into.
+        plants: how many axes.
+        logs: of how many of them what their logs prove is found too.
+        seed: of the axes and of what disturbs them.
+        force: replace files that are there.
+    """
+    _keep([design / name for name in axis_simulate.FILES], force)
+    known = read_axis(axis)
+    motion = read_trajectory(design / "trajectory.csv", known.system.coordinate)
+    with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
+        found = simulate_axis(known, motion, plants, logs, seed, line.set_description)
+    axis_simulate.write_simulated(design, found)
+    said = axis_simulate.summary(found)
+    print(f"{plants} axes, seed {seed}: evidence, no proof")
+    rows = [(name, one["beyond"], one["least_margin"]) for name, one in said["limits"].items()]
+    print(text_table(("limit", "axes beyond it", "least margin"), rows))
+    lengths = [(name, *one.values()) for name, one in said["half_length"].items()]
+    title = f"Half of the intervals that {logs} logs prove; outside of them: {found.outside} truths"
+    print(text_table(("parameter", "unit", "median", "most"), lengths, title))
+    print("They rest on:", *said["rests_on"], sep="\n  ")
+    print(f"Written to {design}: {', '.join(axis_simulate.FILES)}")
+
+
 def identify(
     axis: tyro.conf.Positional[Path],
     log: tyro.conf.Positional[Path],
@@ -114,7 +152,7 @@ def main(arguments: list[str] | None = None) -> None:
     configure()
     try:
         tyro.extras.subcommand_cli_from_dict(
-            {"init": init, "design": design, "identify": identify},
+            {"init": init, "design": design, "simulate": simulate, "identify": identify},
             prog="jaxid",
             description="From limits of a machine axis to guaranteed intervals of its parameters.",
             args=arguments,

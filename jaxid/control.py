@@ -9,7 +9,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxid.checks import is_concrete, require
 from jaxid.quantities import Scalar, dot
@@ -174,3 +174,33 @@ class OpenLoop(Controller):
     ) -> tuple[Scalar, Int[Array, ""]]:
         """The next entry of the given input, whatever is measured."""
         return self.input[state], state + 1
+
+
+class Delayed(Controller):
+    """Another law, whose commands act some periods later.
+
+    Until its first one does, the axis is held by what it commands first.
+
+    Attributes:
+        controller: that commands.
+        periods: until a command acts, 1 or more.
+    """
+
+    controller: Controller
+    periods: int = eqx.field(static=True)
+
+    def initial(self) -> tuple[Any, Float[Array, " periods"], Bool[Array, ""]]:
+        return self.controller.initial(), jnp.zeros(self.periods), jnp.zeros((), bool)
+
+    def step(
+        self,
+        state: tuple[Any, Float[Array, " periods"], Bool[Array, ""]],
+        reference: States,
+        measured: Measurement,
+        period: Scalar,
+    ) -> tuple[Scalar, tuple[Any, Float[Array, " periods"], Bool[Array, ""]]]:
+        """What was commanded then acts, and what is commanded now waits."""
+        inner, waiting, begun = state
+        u, inner = self.controller.step(inner, reference, measured, period)
+        waiting = jnp.where(begun, waiting, u)
+        return waiting[0], (inner, jnp.append(waiting[1:], u), jnp.ones((), bool))

@@ -8,7 +8,9 @@ import pytest
 from jaxid import linear_motor as motor
 from jaxid import one_link_arm as arm
 from jaxid.axis_file import example, read_axis
+from jaxid.control import PDFeedforward
 from jaxid.disturbance_bounds import ConstantBound
+from jaxid.log_file import Columns
 from jaxid.regressors import OneWay, Sine
 
 
@@ -37,6 +39,10 @@ def test_the_examples_are_the_axes_of_the_library(read, coordinate, axis):
     assert found.servo == axis.servo()
     assert found.task.period == axis.KNOT_PERIOD
     assert (found.gain, found.delay) == (1.0, 0)
+    system, unit = axis.system(), "m" if axis is motor else "rad"
+    by_hand = PDFeedforward(system, system.centre, 8.0, 0.5)
+    assert eqx.tree_equal(found.controller, motor.controller() if axis is motor else by_hand)
+    assert found.columns == Columns(f"position_{unit}", "input", "time_s")
 
 
 def test_limits_of_a_command_become_those_of_the_input(read):
@@ -115,6 +121,15 @@ def test_one_level_of_the_disturbance_is_enough(read):
         ("level = 0.15", "level = 0.0", "δ must be positive and finite"),
         ("at = 0.5", "at = 2.0", "`at` must be a fraction of the whole time"),
         ("velocity = [-2.0, 2.0]", "velocity = [1.0, 2.0]", "`velocity` must have zero inside"),
+        ("k2 = 40.0 ", "k2 = -40.0 ", "`k2` must be positive"),
+        ("B = 1.0,", "b = 1.0,", "must be one of .* but is 'b'"),
+        ('position_unit = "m"', 'position_unit = "deg"', "`position_unit` must be m, mm, um, nm"),
+        (
+            'time_unit = "s"',
+            "time_unit = 0.0",
+            "`time_unit` must be s, ms, us, ns, a number, but is 0",
+        ),
+        ('position = "position_m"', "", "missing required field `position` - at `log`"),
     ],
 )
 def test_what_cannot_be_is_refused(read, old, new, sentence):

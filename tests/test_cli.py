@@ -1,6 +1,7 @@
 """The command: what it writes and says, and what it refuses without a traceback."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from jaxid import cli
 from jaxid.appraisal import appraise
 from jaxid.axis_design import FILES
 from jaxid.axis_file import read_axis
+from jaxid.axis_simulate import simulate_axis
 from jaxid.files import read_trajectory
 from jaxid.floor import floor
 from jaxid.limits import worst_excess
@@ -107,3 +109,31 @@ def test_help_shows_what_there_is(capsys):
         assert stopped.value.code == 0
         said = capsys.readouterr().out
         assert all(word in said for word in words)
+
+
+@pytest.mark.usefixtures("quick_compilation")
+def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
+    """The rotary example, whose commands act two periods late; nothing is said that is not so."""
+    path, out = tmp_path / "arm.toml", tmp_path / "arm"
+    cli.main(["init", str(path), "--coordinate", "rotary"])
+    path.write_text(path.read_text().replace("delay = 0 ", "delay = 2 "))
+    out.mkdir()
+    shutil.copy(figures / "arm_all.csv", out / "trajectory.csv")
+    cli.main(["simulate", str(path), str(out), "--plants", "8", "--logs", "2"])
+    said = capsys.readouterr().out
+    found = json.loads((out / "simulation.json").read_text())
+    assert (out / "simulation.png").exists()
+    assert found["logs_with_a_truth_outside"] == 0
+    axis, motion = read_axis(path), read_trajectory(out / "trajectory.csv", "rotary")
+    again = simulate_axis(axis, motion, 8, 2)
+    for name, one in found["limits"].items():
+        assert one["least_margin"] == -float(again.excess[name].max())
+        assert f"{one['least_margin']:.4g}" in said
+    # second truth: the extremes of what was drawn
+    y, (low, high) = again.drawn.position[:, 1:], axis.task.limits.position
+    beyond = np.maximum(np.max(y, axis=1) - high, low - np.min(y, axis=1)) / ((high - low) / 2)
+    np.testing.assert_allclose(again.excess["position"], beyond, rtol=1e-9)
+    assert set(found["half_length"]) == set(axis.system.names)
+    assert "would be replaced" in refused(capsys, "simulate", path, out)
+    path.write_text(path.read_text().replace("[controller]", "[controler]"))
+    assert "controler" in refused(capsys, "simulate", path, out, "--force")

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jaxid import linear_motor as motor
-from jaxid.control import ARC, PDFeedforward
+from jaxid.control import ARC, Delayed, OpenLoop, PDFeedforward
 from jaxid.disturbance import (
     AgainstTracking,
     Disturbance,
@@ -196,3 +196,15 @@ def test_gains_must_be_positive():
         ARC(motor.system(), k1=-1.0, k2=1.0, epsilon=1.0, gamma=jnp.ones(4))
     with pytest.raises(ValueError, match=r"`gamma` must have no negative entry, but is \[0\.0, -1"):
         ARC(motor.system(), k1=1.0, k2=1.0, epsilon=1.0, gamma=jnp.array([0.0, -1.0, 1.0, 1.0]))
+
+
+def test_a_delayed_law_commands_what_the_law_commanded_then():
+    """Of a given series: its first entry until the first command acts, then all of them in turn."""
+    series = jnp.array([0.3, -0.1, 0.4, 0.1, -0.5, 0.9])
+    law = Delayed(OpenLoop(series), 2)
+    at_rest = Measurement(jnp.zeros(()), jnp.zeros(()))
+    reference, state, found = States(*jnp.zeros((3, 1))), law.initial(), []
+    for _ in range(6):
+        u, state = law.step(state, reference, at_rest, jnp.asarray(0.001))
+        found.append(float(u))
+    assert found == [0.3, 0.3, *series[:4].tolist()]
