@@ -50,6 +50,7 @@ trajectory
     excitation <- -
     estimate <- bound, record, system
     log <- checks, quantities, ranges
+    fit <- checks, log, system
     brackets <- checks, log, quantities, ranges, system
     log_rows <- brackets, estimate, log, quantities, ranges, record, regressors, system
     joint <- checks, log_rows, record
@@ -84,12 +85,14 @@ simulate, system
 simulate, system
     axis_design <- appraisal, axis_file, design, files, floor, foresight, guarantee, \
 motion_design, report, setpoints, trajectory
-    axis_identify <- axis_file, brackets, checks, feasible_set, files, guarantee, joint, limits, \
-log_file, log_rows, modulating, quantities, report, steady, system
+    axis_prior <- axis_file, brackets, disturbance_bounds, feasible_set, fit, joint, log, \
+log_file, log_rows, quantities, regressors, steady, system
+    axis_identify <- axis_file, brackets, checks, feasible_set, files, fit, guarantee, joint, \
+limits, log, log_file, log_rows, quantities, report, steady, system
     axis_simulate <- axis_file, checks, control, disturbance, files, guarantee, limits, log, \
 loop, report, sensing, simulate, trajectory
-    cli <- axis_design, axis_file, axis_identify, axis_simulate, checks, design, files, log_file, \
-motion_design, report, runtime, steady
+    cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, checks, design, \
+files, log_file, motion_design, report, runtime, steady
 """
 
 from jaxid.appraisal import Appraisal, appraise

@@ -16,20 +16,21 @@ from jaxid.brackets import brackets
 from jaxid.checks import require
 from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor
 from jaxid.files import UNITS, write_json
+from jaxid.fit import Fit, fit
 from jaxid.guarantee import Guarantee, assumptions, identify_logs
 from jaxid.joint import joined
 from jaxid.limits import Limits
+from jaxid.log import Log
 from jaxid.log_file import Recorded
 from jaxid.log_rows import Logged, hats
-from jaxid.modulating import pieces as runs_of
 from jaxid.quantities import Scalar
 from jaxid.steady import Piece, rows_used, steady
 from jaxid.system import System
 
 FILES = ("result.json", "residuals.png")
 _KNOTS = 3000  # of all pieces together: a linear program of seconds
+_FINE = 12_000  # for δ alone: fewer would let a smaller one seem enough
 _ABSURD = 20.0  # times a limit's half-width, which no stop, amplifier or clock would let pass
-_MEANS = 2000  # of rows, for least squares and for the picture
 
 
 class Identified(NamedTuple):
@@ -44,7 +45,7 @@ class Identified(NamedTuple):
         left: unless it does; all that it leaves possible.
         unseen: parameters whose interval may remain whole whatever the data, and with which
             combination of others each can be exchanged.
-        misfit: of least squares.
+        fit: least squares, if the log tells all parameters apart.
     """
 
     axis: Axis
@@ -54,25 +55,7 @@ class Identified(NamedTuple):
     guarantee: Guarantee | None
     left: FeasibleSet | None
     unseen: dict[str, Float[np.ndarray, " m"]]
-    misfit: "Misfit"
-
-
-class Misfit(NamedTuple):
-    """What least squares leaves of the input, as means over some ticks each.
-
-    Attributes:
-        theta: its estimate, shape (m,); no bound goes with it.
-        time: s, since the first row, shape (k,) as the others.
-        position: m or rad.
-        velocity: m/s or rad/s.
-        rest: of the input, in its unit.
-    """
-
-    theta: Float[np.ndarray, " m"]
-    time: Float[np.ndarray, " k"]
-    position: Float[np.ndarray, " k"]
-    velocity: Float[np.ndarray, " k"]
-    rest: Float[np.ndarray, " k"]
+    fit: Fit | None
 
 
 def identify_axis(
@@ -98,13 +81,14 @@ def identify_axis(
         return joined([hats(other, log, brackets(other, log)) for log in logs])
 
     tell("smallest δ that explains the log")
-    factor = smallest_factor(rows, knots)
+    factor = smallest_factor(rows, max(_FINE // len(logs), 2))
     explained = system if factor <= 1 else louder(system, 1.01 * factor)
     logged = joined([hats(explained, log, brackets(explained, log)) for log in logs])
     tell("what the motion cannot tell apart")
     unseen = blind(logged, knots)
-    misfit = _misfit(logged, found)
-    told = partial(Identified, axis, recorded, found, factor, unseen=unseen, misfit=misfit)
+    told = partial(
+        Identified, axis, recorded, found, factor, unseen=unseen, fit=_fit_if_possible(system, logs)
+    )
     if factor > 1:
         return told(guarantee=None, left=None)
     tell("intervals")
@@ -112,6 +96,13 @@ def identify_axis(
     tell("all that is possible")
     left = feasible_set(guarantee.logged, [guarantee.estimate], knots)
     return told(guarantee=guarantee, left=left)
+
+
+def _fit_if_possible(system: System, logs: Sequence[Log]) -> Fit | None:
+    try:
+        return fit(system, logs)
+    except ValueError:  # a bound needs no θ that is the only one to fit
+        return None
 
 
 def _require_plausible(recorded: Recorded, limits: Limits, system: System) -> None:
@@ -131,40 +122,6 @@ def _require_plausible(recorded: Recorded, limits: Limits, system: System) -> No
             f"{float(finite.max()):.6g} {across}, {beyond:.0f} times as far as its limits "
             f"{low:g} to {high:g} {across}. Is {entry} right?",
         )
-
-
-def _misfit(logged: Logged, found: Sequence[Piece]) -> Misfit:
-    """Least squares of means over as many rows as make their noise small.
-
-    Pieces of fewer rows than a mean takes count nothing.
-    """
-    rows, record = logged.record.rows, logged.record
-    phi, u = np.asarray(rows.regressors), np.asarray(record.input)
-    runs = runs_of(rows.measure)
-    width = max(sum(stop - start for start, stop in runs) // _MEANS, 5)
-    starts = [k for start, stop in runs for k in range(start, stop - width + 1, width)]
-    require(len(starts) > phi.shape[1], "Argument `recorded` has too few rows on end to fit.")
-    regressors, inputs = (
-        np.stack([x[k : k + width].mean(axis=0) for k in starts]) for x in (phi, u)
-    )
-    theta = np.linalg.lstsq(regressors, inputs, rcond=None)[0]
-    times, positions, velocities = _states(runs, found, width)
-    return Misfit(theta, times, positions, velocities, inputs - regressors @ theta)
-
-
-def _states(
-    runs: Sequence[tuple[int, int]], found: Sequence[Piece], width: int
-) -> tuple[Float[np.ndarray, " k"], ...]:
-    """Time, position and velocity in the middle of each mean."""
-    columns: list[list[np.ndarray]] = [[], [], []]
-    for (start, stop), piece in zip(runs, found, strict=True):
-        h, y = float(piece.log.period), np.asarray(piece.log.position)
-        at = np.arange(0, stop - start - width + 1, width)  # its rows are the samples from 1 on
-        columns[0].append((piece.first + at + width / 2) * h)
-        columns[1].append((y[at] + y[at + width + 1]) / 2)
-        columns[2].append((y[at + width + 1] - y[at]) / ((width + 1) * h))
-    time, position, velocity = (np.concatenate(c) for c in columns)
-    return time, position, velocity
 
 
 def write_identified(folder: Path, found: Identified) -> None:
@@ -206,7 +163,7 @@ def _parameter(found: Identified, k: int) -> dict[str, Any]:
     known: dict[str, Any] = {
         "unit": system.units[k],
         "prior": [float(system.lower[k]), float(system.upper[k])],
-        "least_squares": float(found.misfit.theta[k]),
+        "least_squares": None if found.fit is None else float(found.fit.theta[k]),
     }
     if found.guarantee is None or found.left is None:
         return known
@@ -221,22 +178,23 @@ def _parameter(found: Identified, k: int) -> dict[str, Any]:
 
 def page(path: Path, found: Identified) -> None:
     """What least squares leaves of the input by time, position and velocity, beside ±δ."""
-    misfit, system = found.misfit, found.axis.system
+    system = found.axis.system
+    rest = found.fit or Fit(*np.zeros((6, 0)))
     unit = UNITS[system.coordinate]
     canvas, panels = report.figure(1, 3, (12.0, 4.2))
     bound = np.asarray(
-        system.disturbance_bound(jnp.asarray(misfit.position), jnp.asarray(misfit.velocity))
+        system.disturbance_bound(jnp.asarray(rest.position), jnp.asarray(rest.velocity))
     )
     views: tuple[tuple[str, Array | np.ndarray], ...] = (
-        ("time (s)", misfit.time),
-        (f"velocity ({unit}/s)", misfit.velocity),
-        (f"position ({unit})", misfit.position),
+        ("time (s)", rest.time),
+        (f"velocity ({unit}/s)", rest.velocity),
+        (f"position ({unit})", rest.position),
     )
     for panel, (name, x) in zip(panels, views, strict=True):
         order = np.argsort(x)
         for sign in (-1, 1):
             panel.plot(x[order], sign * bound[order], color=report.GREY, linewidth=1.2)
-        panel.plot(x, misfit.rest, ".", color=report.BLUE, markersize=2.5)
+        panel.plot(x, rest.rest, ".", color=report.BLUE, markersize=2.5)
         report.label(panel, name, "")
     report.label(panels[0], "time (s)", f"rest of least squares ({system.input_unit}), ±δ grey")
     report.save(canvas, path)

@@ -9,15 +9,16 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from jaxid import axis_identify, axis_simulate
+from jaxid import axis_identify, axis_prior, axis_simulate
 from jaxid.axis_design import ALL, FILES, AxisDesign, design_axis, write_design
-from jaxid.axis_file import Coordinate, example, read_axis
+from jaxid.axis_file import Axis, Coordinate, example, read_axis
 from jaxid.axis_identify import Identified, identify_axis
+from jaxid.axis_prior import propose
 from jaxid.axis_simulate import simulate_axis
 from jaxid.checks import require
 from jaxid.design import Effort
 from jaxid.files import read_trajectory, write_bytes
-from jaxid.log_file import read_log
+from jaxid.log_file import Columns, read_log
 from jaxid.motion_design import GuaranteedEffort
 from jaxid.report import text_table
 from jaxid.runtime import configure
@@ -44,6 +45,25 @@ def init(
     _keep([axis], force)
     write_bytes(axis, example(coordinate).encode())
     print(f"{axis} describes an example: change it into your axis, then: jaxid design {axis}")
+
+
+def prior(axis: tyro.conf.Positional[Path], log: tyro.conf.Positional[Path]) -> None:
+    """Propose intervals of the parameters and δ, from a log of any motion: a jog, a square wave.
+
+    Example: jaxid prior slide.toml jog.csv
+
+    Args:
+        axis: the file that describes it; of its intervals and its disturbance nothing is used.
+        log: CSV, MAT or HDF5.
+    """
+    known = read_axis(axis)
+    found = propose(known, read_log(log, _columns(axis, known)))
+    system = known.system
+    numbers = zip(*(x.tolist() for x in (found.theta, found.lower, found.upper)), strict=True)
+    rows = [(*head, *row) for *head, row in zip(system.names, system.units, numbers, strict=True)]
+    print(text_table(("parameter", "unit", "least squares", "from", "to"), rows))
+    print(f"δ: level = {found.delta:.4g} {system.input_unit}")
+    print("The rule:", *axis_prior.RULE, sep="\n  ")
 
 
 def design(
@@ -131,9 +151,7 @@ def identify(
     """
     _keep([out / name for name in axis_identify.FILES], force)
     known = read_axis(axis)
-    if known.columns is None:
-        raise ValueError(f"File {axis} must say in a table [log] which column is what: jaxid init.")
-    recorded = read_log(log, known.columns)
+    recorded = read_log(log, _columns(axis, known))
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
         found = identify_axis(known, recorded, line.set_description)
     axis_identify.write_identified(out, found)
@@ -152,7 +170,13 @@ def main(arguments: list[str] | None = None) -> None:
     configure()
     try:
         tyro.extras.subcommand_cli_from_dict(
-            {"init": init, "design": design, "simulate": simulate, "identify": identify},
+            {
+                "init": init,
+                "prior": prior,
+                "design": design,
+                "simulate": simulate,
+                "identify": identify,
+            },
             prog="jaxid",
             description="From limits of a machine axis to guaranteed intervals of its parameters.",
             args=arguments,
@@ -172,6 +196,12 @@ def _table(found: AxisDesign) -> str:
     numbers = zip(*(column.tolist() for column in columns), strict=True)
     rows = [(*head, *row) for *head, row in zip(system.names, system.units, numbers, strict=True)]
     return text_table(header, rows, "What its log can be expected to prove")
+
+
+def _columns(path: Path, axis: Axis) -> Columns:
+    if axis.columns is None:
+        raise ValueError(f"File {path} must say in a table [log] which column is what: jaxid init.")
+    return axis.columns
 
 
 def _rows_used(found: Identified) -> str:

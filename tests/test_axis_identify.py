@@ -121,6 +121,7 @@ def test_a_record_that_cannot_tell_two_parameters_apart_says_so(tmp_path, capsys
     assert "M cannot be told apart" in said
     assert {"M", "B", "Fc"} <= found["not_told_apart"].keys()
     assert found["parameters"]["M"]["possible"] == found["parameters"]["M"]["prior"]
+    assert found["parameters"]["M"]["least_squares"] is None
 
 
 @pytest.mark.parametrize(
@@ -165,7 +166,7 @@ def test_a_log_of_any_motion_will_do(tmp_path):
     assert np.all((found.left.lower <= TRUTH) & (found.left.upper >= TRUTH))
     assert found.factor < 1
     # what is left of the input is not more than δ but for what least squares shift
-    assert np.max(np.abs(found.misfit.rest)) < 2 * 0.25
-    assert np.max(np.abs(found.misfit.velocity)) == pytest.approx(
+    assert np.max(np.abs(found.fit.rest)) < 2 * 0.25
+    assert np.max(np.abs(found.fit.velocity)) == pytest.approx(
         float(jnp.max(jnp.abs(signals.velocity))), rel=0.05
     )

@@ -1,0 +1,86 @@
+"""Least squares of a log as it is: a first estimate and what it leaves, without any bound."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxid.checks import require
+from jaxid.log import Log
+from jaxid.system import System
+
+_MEANS = 2000  # of all rows, at most
+_LEAST = 5  # rows of a mean, so that the noise of second differences is small
+_APART = 1e-3  # of two columns of length one: nearer ones are the same to a fit
+
+
+class Fit(NamedTuple):
+    """Means over some ticks each, k in all.
+
+    Attributes:
+        theta: the estimate, shape (m,); no bound goes with it.
+        shift: of it by a disturbance as large as the largest rest, at worst; shape (m,).
+        time: s, since the first tick of the first log, gaps left out; shape (k,) as the others.
+        position: m or rad.
+        velocity: m/s or rad/s.
+        rest: of the input, in its unit: u − φᵀθ.
+    """
+
+    theta: Float[np.ndarray, " m"]
+    shift: Float[np.ndarray, " m"]
+    time: Float[np.ndarray, " k"]
+    position: Float[np.ndarray, " k"]
+    velocity: Float[np.ndarray, " k"]
+    rest: Float[np.ndarray, " k"]
+
+
+def fit(system: System, logs: Sequence[Log]) -> Fit:
+    """The θ of least squares, whatever the box.
+
+    Velocities and accelerations are differences of positions, by the same stencil in all columns.
+
+    Args:
+        system: for its regressors.
+        logs: of one axis.
+
+    Raises:
+        ValueError: if there are too few rows, or they cannot tell all parameters apart.
+    """
+    total = sum(int(log.took_place().sum()) for log in logs)
+    width = max(total // _MEANS, _LEAST)
+    parts = [_means(system, log, width) for log in logs]
+    phi, u, time, position, velocity = (np.concatenate(x) for x in zip(*parts, strict=True))
+    require(
+        len(u) > phi.shape[1],
+        f"Argument `logs` must have more than {phi.shape[1]} times {width} ticks on end for a fit.",
+    )
+    size = np.linalg.norm(phi, axis=0)
+    scaled = phi / np.where(size > 0, size, 1.0)
+    smallest = np.linalg.svd(scaled)[2][-1]
+    mixed = [n for n, x in zip(system.names, smallest, strict=True) if abs(x) > _LEAST * _APART]
+    require(
+        float(np.linalg.svd(scaled, compute_uv=False)[-1]) > _APART,
+        f"Argument `logs`: the motion does not tell {' and '.join(mixed)} apart.",
+    )
+    weights = np.linalg.pinv(scaled) / size[:, None]
+    theta = weights @ u
+    rest = u - phi @ theta
+    shift = np.abs(weights).sum(axis=1) * np.max(np.abs(rest))
+    shifts = np.cumsum([0.0, *(float(log.period) * log.input.size for log in logs[:-1])])
+    starts = np.repeat(shifts, [len(part[1]) for part in parts])
+    return Fit(theta, shift, time + starts, position, velocity, rest)
+
+
+def _means(system: System, log: Log, width: int) -> tuple[np.ndarray, ...]:
+    """Regressors, input, time, position and velocity, one row per mean; rest is cut off."""
+    n, h = int(log.took_place().sum()), float(log.period)
+    y, u = log.position[: n + 1], log.input[:n]
+    v = (y[2:] - y[:-2]) / (2 * h)
+    forces = system.regressors(y[1:-1], v, jnp.diff(y, 2) / h**2)
+    columns = (*forces, (u[1:] + u[:-1]) / 2, h * jnp.arange(1, n), y[1:-1], v)
+    count = (n - 1) // width
+    means = [np.asarray(c)[: count * width].reshape(count, width).mean(axis=1) for c in columns]
+    m = len(forces)
+    return np.stack(means[:m], axis=1), *means[m:]

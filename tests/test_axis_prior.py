@@ -1,0 +1,84 @@
+"""A first box and δ from a jog: by the rule that is printed, and wide enough for its axis."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import cli
+from jaxid import linear_motor as motor
+from jaxid.axis_file import example, read_axis
+from jaxid.axis_prior import propose
+from jaxid.experiment import log_of, run
+from jaxid.fit import fit
+from jaxid.log import Log
+from jaxid.log_file import Recorded
+from jaxid.sensing import Encoder
+from jaxid.trajectory import uniform
+
+PERIOD = motor.CONTROL_PERIOD
+TRUTH = np.array(motor.TRUE_PARAMETERS)
+
+
+@pytest.fixture(scope="module")
+def jog():
+    """Constant speeds there and back."""
+    jerk = jnp.array([60.0, -60.0, 0.0, -60.0, 60.0, -60.0, 60.0, 0.0, 60.0, -60.0])
+    encoder = Encoder(motor.ENCODER_RESOLUTION)
+    motion = uniform(jnp.zeros(3), jerk, 0.06)
+    _, signals = run(motor.plant(), motor.controller(), encoder, motion, PERIOD)
+    return log_of(signals, encoder, PERIOD)
+
+
+def test_a_fit_is_that_of_the_means_by_hand(jog):
+    found = fit(motor.system(), [jog])
+    y, u = np.asarray(jog.position), np.asarray(jog.input)
+    v = (y[2:] - y[:-2]) / (2 * PERIOD)
+    friction = 2 / np.pi * np.arctan(1000.0 * v)
+    columns = [np.diff(y, 2) / PERIOD**2, v, friction, np.ones_like(v), (u[1:] + u[:-1]) / 2]
+    count = len(v) // 5
+    *phi, rest = (c[: 5 * count].reshape(count, 5).mean(axis=1) for c in columns)
+    theta = np.linalg.lstsq(np.stack(phi, axis=1), rest, rcond=None)[0]
+    np.testing.assert_allclose(found.theta, theta, rtol=1e-8)
+    np.testing.assert_allclose(found.rest, rest - np.stack(phi, axis=1) @ theta, atol=1e-8)
+    # the largest shift: that of a rest with the signs of the weights
+    weights = np.linalg.pinv(np.stack(phi, axis=1))
+    worst = np.max(np.abs(found.rest)) * np.sum(np.abs(weights), axis=1)
+    np.testing.assert_allclose(found.shift, worst, rtol=1e-8)
+    # two halves of a log, apart: the mean across the cut is lost, and time goes on
+    halves = [
+        Log(jog.input[a:b], jog.position[a : b + 1], PERIOD, jog.resolution)
+        for a, b in ((0, 1500), (1500, 3000))
+    ]
+    apart = fit(motor.system(), halves)
+    np.testing.assert_allclose(apart.theta, found.theta, rtol=0.02)
+    assert np.all(np.diff(apart.time) > 0)
+
+
+def test_a_log_that_does_not_tell_parameters_apart_is_not_fitted():
+    n, speed = 1500, 0.5
+    position = jnp.asarray(0.1 + speed * PERIOD * np.arange(n + 1))
+    log = Log(jnp.full(n, 0.4), position, PERIOD, 0.0)
+    with pytest.raises(ValueError, match=r"does not tell .*B and Fc and dbar apart"):
+        fit(motor.system(), [log])
+    with pytest.raises(ValueError, match="more than 4 times 5 ticks"):
+        fit(motor.system(), [Log(jnp.zeros(10), jnp.zeros(11), PERIOD, 0.0)])
+
+
+def test_a_proposal_holds_the_motor_and_its_disturbance(tmp_path, jog, capsys):
+    (tmp_path / "axis.toml").write_text(example("linear"))
+    axis = read_axis(tmp_path / "axis.toml")
+    recorded = Recorded(None, np.asarray(jog.position)[:-1], np.asarray(jog.input))
+    found = propose(axis, recorded)
+    assert np.all((found.lower <= TRUTH) & (found.upper >= TRUTH))
+    assert found.lower[0] > 0
+    assert np.all(found.lower[1:3] >= 0)
+    # cogging and low-speed friction: 0.25 V at most, of which the log shows a part
+    assert 0.03 < found.delta < 0.35
+    rows = np.stack([PERIOD * np.arange(3000), jog.input, jog.position[:-1]], axis=1)
+    header = "time_s,input,position_m"
+    np.savetxt(tmp_path / "jog.csv", rows, "%.17g", ",", header=header, comments="")
+    cli.main(["prior", str(tmp_path / "axis.toml"), str(tmp_path / "jog.csv")])
+    said = capsys.readouterr().out
+    assert f"level = {found.delta:.4g} V" in said
+    assert all(f"{x:.4g}" in said for x in (*found.lower, *found.upper))
+    assert "This is a proposal" in said
