@@ -46,6 +46,7 @@ class Identified(NamedTuple):
         unseen: parameters whose interval may remain whole whatever the data, and with which
             combination of others each can be exchanged.
         fit: least squares, if the log tells all parameters apart.
+        coarse: how many ticks share a weight.
     """
 
     axis: Axis
@@ -56,6 +57,7 @@ class Identified(NamedTuple):
     left: FeasibleSet | None
     unseen: dict[str, Float[np.ndarray, " m"]]
     fit: Fit | None
+    coarse: float
 
 
 def identify_axis(
@@ -87,7 +89,14 @@ def identify_axis(
     tell("what the motion cannot tell apart")
     unseen = blind(logged, knots)
     told = partial(
-        Identified, axis, recorded, found, factor, unseen=unseen, fit=_fit_if_possible(system, logs)
+        Identified,
+        axis,
+        recorded,
+        found,
+        factor,
+        unseen=unseen,
+        fit=_fit_if_possible(system, logs),
+        coarse=max(rows_used(found) / (knots * len(logs)), 1.0),
     )
     if factor > 1:
         return told(guarantee=None, left=None)
@@ -145,6 +154,7 @@ def summary(found: Identified) -> dict[str, Any]:
         },
         "rows": found.recorded.position.size,
         "rows_used": rows_used(found.pieces),
+        "ticks_to_a_weight": found.coarse,
         "pieces": [
             {
                 "first_row": piece.first + 1,

@@ -27,6 +27,7 @@ from jaxid.steady import rows_used
 _QUICK = GuaranteedEffort(1, Effort(starts=16, generations=10, rounds=0, polished=1), (1e-3, 1e-4))
 CONTRADICTED = 3  # the exit code
 _SHOWN = 10  # pieces of a log that are named
+_COARSE = 20.0  # ticks to a weight: twice what is enough where accelerations change in 10 ms
 EFFORTS = {"usual": GuaranteedEffort(), "quick": _QUICK}
 
 
@@ -156,6 +157,11 @@ def identify(
         found = identify_axis(known, recorded, line.set_description)
     axis_identify.write_identified(out, found)
     print(_rows_used(found))
+    if found.coarse > _COARSE:
+        print(
+            f"It is long: each weight stands for {found.coarse:.0f} ticks. A shorter part, of some "
+            "strokes only, may prove more."
+        )
     print(_intervals(found))
     for name, combination in found.unseen.items():
         print(f"{name} cannot be told apart from others: {_exchange(found, combination)}")

@@ -71,6 +71,7 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     said = capsys.readouterr().out
     assert f"of {len(rows)} rows: 1–700, 701–1180, 1182–2001, 2002–{len(rows)}" in said
     assert "acts as commanded, 2 periods later" in said
+    assert "It is long" not in said
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     assert sorted(FILES) == sorted(path.name for path in (tmp_path / "out").iterdir())
     assert found["consistent"]
@@ -165,6 +166,7 @@ def test_a_log_of_any_motion_will_do(tmp_path):
     found = identify_axis(read_axis(tmp_path / "axis.toml"), recorded)
     assert np.all((found.left.lower <= TRUTH) & (found.left.upper >= TRUTH))
     assert found.factor < 1
+    assert found.coarse == 1.0
     # what is left of the input is not more than δ but for what least squares shift
     assert np.max(np.abs(found.fit.rest)) < 2 * 0.25
     assert np.max(np.abs(found.fit.velocity)) == pytest.approx(
