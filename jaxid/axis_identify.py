@@ -40,7 +40,8 @@ class Identified(NamedTuple):
         axis: of the file.
         recorded: the log.
         pieces: of it, which were used.
-        factor: the smallest of δ that explains it; above 1 it contradicts the axis.
+        factor: the smallest of δ that explains it, as far as one reading shows.
+        contradiction: in what way the log contradicts the axis, if it does.
         guarantee: unless it does.
         left: unless it does; all that it leaves possible.
         unseen: parameters whose interval may remain whole whatever the data, and with which
@@ -53,6 +54,7 @@ class Identified(NamedTuple):
     recorded: Recorded
     pieces: tuple[Piece, ...]
     factor: float
+    contradiction: str | None
     guarantee: Guarantee | None
     left: FeasibleSet | None
     unseen: dict[str, Float[np.ndarray, " m"]]
@@ -99,12 +101,16 @@ def identify_axis(
         coarse=max(rows_used(found) / (knots * len(logs)), 1.0),
     )
     if factor > 1:
-        return told(guarantee=None, left=None)
-    tell("intervals")
-    guarantee = identify_logs(system, logs, knots)
-    tell("all that is possible")
-    left = feasible_set(guarantee.logged, [guarantee.estimate], knots)
-    return told(guarantee=guarantee, left=left)
+        needed = f"Within the box, disturbances of {factor:.4g} times δ or more would be needed."
+        return told(needed, None, None)
+    try:
+        tell("intervals")
+        guarantee = identify_logs(system, logs, knots)
+        tell("all that is possible")
+        left = feasible_set(guarantee.logged, [guarantee.estimate], knots)
+    except ValueError as contradiction:  # the second reading can see what the first did not
+        return told(str(contradiction), None, None)
+    return told(None, guarantee, left)
 
 
 def _fit_if_possible(system: System, logs: Sequence[Log]) -> Fit | None:
@@ -145,7 +151,8 @@ def summary(found: Identified) -> dict[str, Any]:
     logs = [piece.log for piece in found.pieces]
     return {
         "program": f"jaxid {version('jaxid')}",
-        "consistent": found.factor <= 1,
+        "consistent": found.contradiction is None,
+        "contradiction": found.contradiction,
         "smallest_factor_of_disturbance_bound": found.factor,
         "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
         "not_told_apart": {

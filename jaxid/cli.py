@@ -221,10 +221,7 @@ def _rows_used(found: Identified) -> str:
 def _intervals(found: Identified) -> str:
     system = found.axis.system
     if found.guarantee is None or found.left is None:
-        return (
-            "The log contradicts the axis: within the box, disturbances of "
-            f"{found.factor:.4g} times δ or more would be needed. No interval is printed."
-        )
+        return f"The log contradicts the axis. {found.contradiction} No interval is printed."
     header = ("parameter", "unit", "prior", "guaranteed", "possible")
     pairs = (
         (system.lower, system.upper),

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import cli
+from jaxid import axis_identify, cli
 from jaxid import linear_motor as motor
 from jaxid.axis_file import example, read_axis
 from jaxid.axis_identify import FILES, identify_axis
@@ -107,6 +107,20 @@ def test_a_log_with_a_large_unknown_force_is_falsified(tmp_path, log, capsys):
     assert not found["consistent"]
     assert 1.0 < found["smallest_factor_of_disturbance_bound"] < 0.75 / 0.15
     assert all("guaranteed" not in one for one in found["parameters"].values())
+
+
+def test_a_contradiction_of_the_second_reading_is_one_too(tmp_path, log, monkeypatch, capsys):
+    """The first reading may find δ large enough, and the box that it leaves still be empty."""
+
+    def refused(*arguments):
+        raise ValueError("no M in its prior interval can have left it.")
+
+    monkeypatch.setattr(axis_identify, "identify_logs", refused)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["identify", *written(tmp_path, rows_of(log)[:600])])
+    assert stopped.value.code == 3
+    assert "contradicts the axis. no M in its prior" in capsys.readouterr().out
+    assert not json.loads((tmp_path / "out" / "result.json").read_text())["consistent"]
 
 
 def test_a_record_that_cannot_tell_two_parameters_apart_says_so(tmp_path, capsys):
