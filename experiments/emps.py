@@ -24,9 +24,9 @@ from scipy.signal import butter, filtfilt
 from tqdm import tqdm
 
 from experiments.linear_motor.designs import TOY, with_starts
+from experiments.toys import Toys
 from jaxid import report
 from jaxid.appraisal import appraise
-from jaxid.brackets import brackets
 from jaxid.design import Effort
 from jaxid.disturbance_bounds import ConstantBound
 from jaxid.estimate import Estimate
@@ -35,14 +35,12 @@ from jaxid.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.floor import floor
 from jaxid.foresight import Servo
 from jaxid.guarantee import assumptions, identify_log, identify_logs
-from jaxid.joint import joined
+from jaxid.joint import read_together
 from jaxid.limits import Boundary, Limits, acceleration_limit, through
 from jaxid.log import Log
 from jaxid.log_file import Columns, Recorded, read_log
-from jaxid.log_rows import Logged, hats
 from jaxid.motion_design import design_guaranteed
 from jaxid.problem import Task
-from jaxid.quantities import Scalar
 from jaxid.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Viscous
 from jaxid.report import text_table
 from jaxid.runtime import configure
@@ -55,7 +53,7 @@ PERIOD, RESOLUTION, VOLTS = 0.001, 5e-8, 10.0
 LAP, LAPS = 6240, 4  # rows
 BOX = {"M": (50.0, 150.0), "Fv": (0.0, 500.0), "Fc": (0.0, 50.0), "offset": (-20.0, 20.0)}
 MARGIN = 1.25
-KNOTS = 1000  # of a lap: twice as many change its bounds by less than 1 %
+KNOTS = 1000  # of a lap: twice as many tighten the bounds of friction by 1 to 3 %, M and offset not
 _CUTOFF, _ORDER, _EDGE = 100.0, 4, 100  # Hz, of the low-pass; rows that it spoils at both ends
 # of the carriage in the record, and the voltage of its drive
 POSITION, VELOCITY = (-0.005, 0.2464), (-0.1247, 0.1247)
@@ -68,7 +66,7 @@ MOTIONS = ("motion", "parameter", "guaranteed", "floor", "gap")
 
 
 @dataclass(frozen=True)
-class Emps:
+class Emps(Toys):
     """What the record of EMPS proves, and what a designed motion would.
 
     Attributes:
@@ -84,10 +82,6 @@ class Emps:
     seed: int = 0
     redraw: bool = False
     toy: bool = False
-
-    def named(self, name: str) -> Path:
-        """A file; a toy's never takes the place of a real one."""
-        return self.out / (f"toy_{name}" if self.toy else name)
 
 
 class Result(NamedTuple):
@@ -135,8 +129,12 @@ def main(options: Emps) -> None:
 
 def read(path: Path) -> Recorded:
     """The record, its input as a force."""
-    gain = float(loadmat(path)["gtau"].item())
-    return read_log(path, Columns("qm", "vir", "t", input_unit=gain))
+    return read_log(path, Columns("qm", "vir", "t", input_unit=gain(path)))
+
+
+def gain(path: Path) -> float:
+    """Of the drive, N/V."""
+    return float(loadmat(path)["gtau"].item())
 
 
 def recipe(recorded: Recorded) -> dict[str, float]:
@@ -200,12 +198,7 @@ def studied(name: str, model: Callable[[float], System], laps: Sequence[Log]) ->
 
 def needed(axis: System, logs: Sequence[Log]) -> float:
     """The smallest factor of δ that explains logs with one θ, by all weights on their rows."""
-
-    def rows(factor: Scalar) -> Logged:
-        other = louder(axis, factor)
-        return joined([hats(other, log, brackets(other, log)) for log in logs])
-
-    return smallest_factor(rows)
+    return smallest_factor(lambda factor: read_together(louder(axis, factor), logs))
 
 
 def rows_of(result: Result) -> Iterator[dict[str, Cell]]:
@@ -256,7 +249,8 @@ def said(results: Sequence[Result]) -> Iterator[str]:
 def compared(options: Emps, result: Result) -> Iterator[dict[str, Cell]]:
     """Guaranteed errors of a lap of the record and of a designed motion as long."""
     axis = result.system
-    box = {"position": POSITION, "velocity": VELOCITY, "input": drive(options.data)}
+    most = VOLTS * gain(options.data)
+    box = {"position": POSITION, "velocity": VELOCITY, "input": (-most, most)}
     limits = Limits(acceleration=acceleration_limit(axis, **box), jerk=JERK, **box)
     least = floor(axis, limits)
     path = options.named("emps_trajectory.csv")
@@ -269,12 +263,6 @@ def compared(options: Emps, result: Result) -> Iterator[dict[str, Cell]]:
             own, lowest = float(error[k]), float(least.value[k])
             gap = own / lowest - 1
             yield dict(zip(MOTIONS, (motion, name, own, lowest, gap), strict=True))
-
-
-def drive(path: Path) -> tuple[float, float]:
-    """What the drive can push with, N."""
-    most = VOLTS * float(loadmat(path)["gtau"].item())
-    return -most, most
 
 
 def designed(

@@ -17,6 +17,7 @@ from tqdm import tqdm
 from experiments.appraisals import rows_of
 from experiments.linear_motor.designs import TOY, with_starts
 from experiments.processes import each
+from experiments.toys import Toys
 from jaxid import one_link_arm as arm
 from jaxid import report
 from jaxid.appraisal import Appraisal, appraise
@@ -43,7 +44,7 @@ Row = dict[str, Value]
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(Toys):
     """Six designs for the arm.
 
     Attributes:
@@ -63,10 +64,6 @@ class Study:
     def path(self, design: str) -> Path:
         """Of a motion."""
         return self.named(f"arm_{design}.csv")
-
-    def named(self, name: str) -> Path:
-        """A file; a toy's never takes the place of a real one."""
-        return self.out / (f"toy_{name}" if self.toy else name)
 
 
 def main(study: Study) -> None:

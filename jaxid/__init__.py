@@ -53,11 +53,11 @@ trajectory
     fit <- checks, log, system
     brackets <- checks, log, quantities, ranges, system
     log_rows <- brackets, estimate, log, quantities, ranges, record, regressors, system
-    joint <- checks, log_rows, record
+    joint <- brackets, checks, log, log_rows, record, system
     modulating <- bound, log_rows
     feasible_set <- checks, disturbance_bounds, estimate, log_rows, modulating, quantities, \
 record, system
-    guarantee <- brackets, checks, estimate, joint, log, log_rows, modulating, system
+    guarantee <- checks, estimate, joint, log, log_rows, modulating, system
     foresight <- checks, control, disturbance, log, loop, quantities, sensing, simulate, system, \
 trajectory
     guaranteed_error <- bound, brackets, checks, disturbance_bounds, foresight, guarantee, \
@@ -85,10 +85,10 @@ simulate, system
 simulate, system
     axis_design <- appraisal, axis_file, design, files, floor, foresight, guarantee, \
 motion_design, report, setpoints, trajectory
-    axis_prior <- axis_file, brackets, disturbance_bounds, feasible_set, fit, joint, log, \
-log_file, log_rows, quantities, regressors, steady, system
-    axis_identify <- axis_file, brackets, checks, feasible_set, files, fit, guarantee, joint, \
-limits, log, log_file, log_rows, quantities, report, steady, system
+    axis_prior <- axis_file, disturbance_bounds, feasible_set, fit, joint, log, log_file, \
+regressors, steady, system
+    axis_identify <- axis_file, checks, feasible_set, files, fit, guarantee, joint, limits, log, \
+log_file, report, steady, system
     axis_simulate <- axis_file, checks, control, disturbance, files, guarantee, limits, log, \
 loop, report, sensing, simulate, trajectory
     cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, checks, design, \

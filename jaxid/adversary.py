@@ -68,6 +68,7 @@ def _searched(
     sides: Int[Array, " k"],
 ) -> _Plants:
     def excess(plant: _Plants, side: Int[Array, ""]) -> Scalar:
+        """How far one limit is left at worst."""
         actual = Plant(system, plant.theta, Sequence(plant.shares))
         signals = loop(actual, trajectory)[1]
         columns = (signals.position, signals.velocity, signals.input)
@@ -78,9 +79,12 @@ def _searched(
         return jnp.stack(levels)[side]
 
     def one(start: _Plants, side: Int[Array, ""]) -> _Plants:
+        """The worst plant found from one start."""
+
         def step(
             carry: tuple[_Plants, _Plants, Scalar], _: None
         ) -> tuple[tuple[_Plants, _Plants, Scalar], None]:
+            """To the corner that the slopes point to."""
             plant, best, reached = carry
             value, slope = jax.value_and_grad(excess)(plant, side)
             better = value > reached

@@ -75,7 +75,8 @@ class _Table(msgspec.Struct, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:
             entry = getattr(self, name)
-            for number in entry if isinstance(entry, tuple) else (entry,):
+            several = tuple(entry.values()) if isinstance(entry, dict) else entry
+            for number in several if isinstance(several, tuple) else (several,):
                 if isinstance(number, float) and not math.isfinite(number):
                     raise ValueError(f"`{name}` must be finite, but is {entry}")
 

@@ -12,18 +12,15 @@ from jaxtyping import Array, Float
 
 from jaxid import report
 from jaxid.axis_file import Axis
-from jaxid.brackets import brackets
 from jaxid.checks import require
 from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor
 from jaxid.files import UNITS, write_json
 from jaxid.fit import Fit, fit
 from jaxid.guarantee import Guarantee, assumptions, identify_logs
-from jaxid.joint import joined
+from jaxid.joint import read_together
 from jaxid.limits import Limits
 from jaxid.log import Log
 from jaxid.log_file import Recorded
-from jaxid.log_rows import Logged, hats
-from jaxid.quantities import Scalar
 from jaxid.steady import Piece, rows_used, steady
 from jaxid.system import System
 
@@ -78,18 +75,12 @@ def identify_axis(
     _require_plausible(recorded, axis.task.limits, axis.system)
     found = steady(recorded, axis.servo.period, axis.servo.resolution, axis.delay)
     logs, system = [piece.log for piece in found], axis.system
-    knots = max(_KNOTS // len(logs), 2)
-
-    def rows(factor: Scalar) -> Logged:
-        other = louder(system, factor)
-        return joined([hats(other, log, brackets(other, log)) for log in logs])
-
+    knots, fine = (max(most // len(logs), 2) for most in (_KNOTS, _FINE))
     tell("smallest δ that explains the log")
-    factor = smallest_factor(rows, max(_FINE // len(logs), 2))
-    explained = system if factor <= 1 else louder(system, 1.01 * factor)
-    logged = joined([hats(explained, log, brackets(explained, log)) for log in logs])
+    factor = smallest_factor(lambda s: read_together(louder(system, s), logs), fine)
     tell("what the motion cannot tell apart")
-    unseen = blind(logged, knots)
+    explained = system if factor <= 1 else louder(system, 1.01 * factor)
+    unseen = blind(read_together(explained, logs), knots)
     told = partial(
         Identified,
         axis,
@@ -213,5 +204,7 @@ def page(path: Path, found: Identified) -> None:
             panel.plot(x[order], sign * bound[order], color=report.GREY, linewidth=1.2)
         panel.plot(x, rest.rest, ".", color=report.BLUE, markersize=2.5)
         report.label(panel, name, "")
-    report.label(panels[0], "time (s)", f"rest of least squares ({system.input_unit}), ±δ grey")
+    title = "" if found.fit else "no fit: the log does not tell all parameters apart"
+    rest_of = f"rest of least squares ({system.input_unit}), ±δ grey"
+    report.label(panels[0], views[0][0], rest_of, title)
     report.save(canvas, path)

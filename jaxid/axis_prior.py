@@ -12,15 +12,12 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxid.axis_file import Axis
-from jaxid.brackets import brackets
 from jaxid.disturbance_bounds import ConstantBound
 from jaxid.feasible_set import louder, smallest_factor
 from jaxid.fit import fit
-from jaxid.joint import joined
+from jaxid.joint import read_together
 from jaxid.log import Log
 from jaxid.log_file import Recorded
-from jaxid.log_rows import Logged, hats
-from jaxid.quantities import Scalar
 from jaxid.regressors import Coulomb, OneWay, Sign, Viscous
 from jaxid.steady import steady
 from jaxid.system import System, Term
@@ -92,9 +89,5 @@ def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) ->
     """The smallest constant δ that explains the logs."""
     level = float(np.sqrt(np.mean(rest**2))) or 1.0
     unit = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(level))
-
-    def rows(factor: Scalar) -> Logged:
-        other = louder(unit, factor)
-        return joined([hats(other, log, brackets(other, log)) for log in logs])
-
-    return level * smallest_factor(rows, max(_KNOTS // len(logs), 2))
+    knots = max(_KNOTS // len(logs), 2)
+    return level * smallest_factor(lambda factor: read_together(louder(unit, factor), logs), knots)

@@ -43,7 +43,7 @@ class Simulated(NamedTuple):
         drawn: signals of some, plants along the first axis.
         half_lengths: of the intervals that the logs of some prove, shape (logs, m).
         outside: how many of them a truth was outside of.
-        example: one of the logs.
+        log: one of them.
     """
 
     axis: Axis
@@ -54,7 +54,7 @@ class Simulated(NamedTuple):
     drawn: Signals
     half_lengths: Float[np.ndarray, "logs m"]
     outside: int
-    example: Log
+    log: Log
 
 
 def simulate_axis(
@@ -86,17 +86,15 @@ def simulate_axis(
     tell(f"{plants} plants")
     excess = np.asarray(excesses(loop, scenarios, axis.task.limits, motion))
     drawn = _signals(loop, scenarios[np.arange(min(max(logs, _DRAWN), plants))], motion)
-    lengths, outside, example = [], 0, None
-    for k in range(logs):
+    kept, lengths, outside = [_log(axis, drawn, k) for k in range(logs)], [], 0
+    for k, log in enumerate(kept):
         tell(f"what log {k + 1} of {logs} proves")
-        example = _log(axis, drawn, k)
-        found = identify_log(axis.system, example).estimate
+        found = identify_log(axis.system, log).estimate
         theta = scenarios.theta[k]
         outside += not bool(jnp.all((found.lower <= theta) & (theta <= found.upper)))
         lengths.append(np.asarray(found.half_length))
-    assert example is not None
     sides = dict(zip(_sides(axis.task.limits), excess.T, strict=True))
-    return Simulated(axis, motion, seed, plants, sides, drawn, np.stack(lengths), outside, example)
+    return Simulated(axis, motion, seed, plants, sides, drawn, np.stack(lengths), outside, kept[0])
 
 
 def _loop(axis: Axis, motion: JerkTrajectory) -> Loop:
@@ -152,7 +150,7 @@ def summary(found: Simulated) -> dict[str, Any]:
             name: {"unit": unit, "median": float(median), "most": float(most)}
             for name, unit, median, most in zip(system.names, system.units, *lengths, strict=True)
         },
-        "rests_on": list(assumptions(system, found.example)),
+        "rests_on": list(assumptions(system, found.log, delay=found.axis.delay)),
     }
 
 

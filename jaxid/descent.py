@@ -108,6 +108,8 @@ def _stage(problem: Problem, space: Chart, lanes: _Lanes, stage: Stage, steps: i
         return problem.lagrangian(motion, multipliers, stage.penalty, stage.smoothing)
 
     def one(z: Float[Array, " d"], multipliers: Multipliers) -> _Lanes:
+        """A lane, and its multipliers pushed."""
+
         def step(
             carry: tuple[Float[Array, " d"], optax.OptState], _: None
         ) -> tuple[tuple[Float[Array, " d"], optax.OptState], None]:

@@ -13,7 +13,8 @@ from jaxid.system import System
 
 _MEANS = 2000  # of all rows, at most
 _LEAST = 5  # rows of a mean, so that the noise of second differences is small
-_APART = 1e-3  # of two columns of length one: nearer ones are the same to a fit
+_APART = 1e-3  # a combination of columns of length one that is shorter is zero to a fit
+_PART = 0.01  # of such a combination, from which a parameter counts as one of it
 
 
 class Fit(NamedTuple):
@@ -48,9 +49,9 @@ def fit(system: System, logs: Sequence[Log]) -> Fit:
     Raises:
         ValueError: if there are too few rows, or they cannot tell all parameters apart.
     """
-    total = sum(int(log.took_place().sum()) for log in logs)
-    width = max(total // _MEANS, _LEAST)
-    parts = [_means(system, log, width) for log in logs]
+    counts = [int(log.took_place().sum()) for log in logs]
+    width = max(sum(counts) // _MEANS, _LEAST)
+    parts = [_means(system, log, n, width) for log, n in zip(logs, counts, strict=True)]
     phi, u, time, position, velocity = (np.concatenate(x) for x in zip(*parts, strict=True))
     require(
         len(u) > phi.shape[1],
@@ -58,24 +59,25 @@ def fit(system: System, logs: Sequence[Log]) -> Fit:
     )
     size = np.linalg.norm(phi, axis=0)
     scaled = phi / np.where(size > 0, size, 1.0)
-    smallest = np.linalg.svd(scaled)[2][-1]
-    mixed = [n for n, x in zip(system.names, smallest, strict=True) if abs(x) > _LEAST * _APART]
+    _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
+    unseen = np.max(np.abs(directions[singular <= _APART]), axis=0, initial=0.0)
+    mixed = [name for name, part in zip(system.names, unseen, strict=True) if part > _PART]
     require(
-        float(np.linalg.svd(scaled, compute_uv=False)[-1]) > _APART,
+        not mixed,
         f"Argument `logs`: the motion does not tell {' and '.join(mixed)} apart.",
     )
     weights = np.linalg.pinv(scaled) / size[:, None]
     theta = weights @ u
     rest = u - phi @ theta
     shift = np.abs(weights).sum(axis=1) * np.max(np.abs(rest))
-    shifts = np.cumsum([0.0, *(float(log.period) * log.input.size for log in logs[:-1])])
-    starts = np.repeat(shifts, [len(part[1]) for part in parts])
-    return Fit(theta, shift, time + starts, position, velocity, rest)
+    lengths = [float(log.period) * n for log, n in zip(logs, counts, strict=True)]
+    since = np.repeat(np.cumsum([0.0, *lengths[:-1]]), [len(part[1]) for part in parts])
+    return Fit(theta, shift, time + since, position, velocity, rest)
 
 
-def _means(system: System, log: Log, width: int) -> tuple[np.ndarray, ...]:
-    """Regressors, input, time, position and velocity, one row per mean; rest is cut off."""
-    n, h = int(log.took_place().sum()), float(log.period)
+def _means(system: System, log: Log, n: int, width: int) -> tuple[np.ndarray, ...]:
+    """Regressors, input, time, position and velocity of n ticks, one row per mean."""
+    h = float(log.period)
     y, u = log.position[: n + 1], log.input[:n]
     v = (y[2:] - y[:-2]) / (2 * h)
     forces = system.regressors(y[1:-1], v, jnp.diff(y, 2) / h**2)

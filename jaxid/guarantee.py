@@ -7,12 +7,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxid.brackets import brackets
 from jaxid.checks import require
 from jaxid.estimate import Estimate
-from jaxid.joint import joined
+from jaxid.joint import read_together
 from jaxid.log import Log
-from jaxid.log_rows import Logged, guaranteed, hats
+from jaxid.log_rows import Logged, guaranteed
 from jaxid.modulating import KNOTS, modulating
 from jaxid.system import System
 
@@ -84,7 +83,7 @@ def _read(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Gu
 
 
 def _once(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Guarantee:
-    logged = joined([hats(narrow, log, brackets(narrow, log)) for log in logs])
+    logged = read_together(narrow, logs)
     weights = modulating(logged, system.half_widths, knots=knots)
     return Guarantee(guaranteed(logged, weights), logged)
 

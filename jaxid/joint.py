@@ -10,11 +10,27 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxid.brackets import brackets
 from jaxid.checks import require
-from jaxid.log_rows import Channel, Logged
+from jaxid.log import Log
+from jaxid.log_rows import Channel, Logged, hats
 from jaxid.record import Record, Rows
+from jaxid.system import System
 
 _BETWEEN = 2  # rows: a second difference reaches two further than the weights
+
+
+def read_together(system: System, logs: Sequence[Log]) -> Logged:
+    """Several logs of one axis as rows on hats, each with its own brackets.
+
+    Args:
+        system: its box and δ.
+        logs: whose periods and encoders may differ.
+
+    Raises:
+        ValueError: if no plant of the system can have left one of them.
+    """
+    return joined([hats(system, log, brackets(system, log)) for log in logs])
 
 
 def joined(parts: Sequence[Logged]) -> Logged:

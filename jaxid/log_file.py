@@ -14,6 +14,7 @@ from jaxid.checks import require
 
 _CHUNK = 1_000_000  # rows of a CSV file that are in memory as text at a time
 _HEAD = 200  # lines, at most, before the first row of numbers
+_COMMENTS = ("#", "%")  # that the first of them may begin with; the names may, too
 
 Column = str | int
 
@@ -113,18 +114,20 @@ def _layout(path: Path) -> tuple[int, list[str], str, str]:
     with open(path, encoding="utf-8-sig", errors="replace") as file:
         for number, line in zip(range(_HEAD), file, strict=False):
             separator, decimal, fields = _split(line)
-            if fields and all(_is_number(field, decimal) for field in fields):
+            numeric = bool(fields) and all(_is_number(field, decimal) for field in fields)
+            if numeric and not line.lstrip().startswith(_COMMENTS):
                 named = len(header) == len(fields)
                 names = header if named else [str(k + 1) for k in range(len(fields))]
                 return number, names, separator, decimal
-            if fields and len(header) != len(fields):  # the first of two: the second has the units
+            # the first of two: the second has the units; a date in a comment names nothing
+            if fields and not numeric and len(header) != len(fields):
                 header = fields
     raise ValueError(f"no row of numbers among its first {_HEAD} lines.")
 
 
 def _split(line: str) -> tuple[str, str, list[str]]:
     """Separator, decimal mark and fields of a line."""
-    text = line.strip().lstrip("#%").strip()
+    text = line.strip().lstrip("".join(_COMMENTS)).strip()
     words = text.split()
     # commas inside words are decimal ones: 0,001 1,5
     parted = len(words) > 1 and not any(word.endswith(",") for word in words)

@@ -217,6 +217,7 @@ def _exchange(
     direction = jnp.max(jnp.abs(d)) * (1 + (jnp.arange(1.0, m + 1) * jnp.sqrt(5.0)) % 1)
 
     def step(state: _State) -> _State:
+        """Exchange one column, or have done."""
         columns, tilt = state.columns, state.tilt
         basis = A[:, columns]
         inverse = jnp.linalg.inv(basis)

@@ -119,6 +119,7 @@ def _quasi_newton(
     def round_of_steps(
         carry: tuple[Float[Array, " d"], Multipliers], _: None
     ) -> tuple[tuple[Float[Array, " d"], Multipliers], None]:
+        """Steps with the multipliers fixed, which are pushed then."""
         z, multipliers = carry
 
         def lagrangian(z: Float[Array, " d"]) -> Scalar:

@@ -154,6 +154,7 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
 
 def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[str, Array]:
     def one(w: Scalar) -> dict[str, Array]:
+        """By one bandwidth."""
         estimate = least_squares_estimate(filtered(record, w, grid.period), grid.system)
         error = jnp.abs(estimate.theta - theta)
         # rounding of θ̂ is not a miss

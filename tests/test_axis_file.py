@@ -122,6 +122,7 @@ def test_one_level_of_the_disturbance_is_enough(read):
         ("at = 0.5", "at = 2.0", "`at` must be a fraction of the whole time"),
         ("velocity = [-2.0, 2.0]", "velocity = [1.0, 2.0]", "`velocity` must have zero inside"),
         ("k2 = 40.0 ", "k2 = -40.0 ", "`k2` must be positive"),
+        ("M = 1e-4,", "M = inf,", "`gamma` must be finite"),
         ("B = 1.0,", "b = 1.0,", "must be one of .* but is 'b'"),
         ('position_unit = "m"', 'position_unit = "deg"', "`position_unit` must be m, mm, um, nm"),
         (

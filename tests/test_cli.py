@@ -124,6 +124,7 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     found = json.loads((out / "simulation.json").read_text())
     assert (out / "simulation.png").exists()
     assert found["logs_with_a_truth_outside"] == 0
+    assert "acts as commanded, 2 periods later" in said
     axis, motion = read_axis(path), read_trajectory(out / "trajectory.csv", "rotary")
     again = simulate_axis(axis, motion, 8, 2)
     for name, one in found["limits"].items():

@@ -37,6 +37,7 @@ from experiments.linear_motor.family_search import Budget, best_members, polishe
 from experiments.linear_motor.figures import SYMBOLS
 from experiments.linear_motor.tables import Table
 from experiments.processes import each
+from experiments.toys import Toys
 from jaxid import linear_motor as motor
 from jaxid import report
 from jaxid.admissible import inside, walk
@@ -68,7 +69,7 @@ COLUMNS = ("excitation", "parameter", "J_lse", "guaranteed", "gap")
 
 
 @dataclass(frozen=True)
-class Compare:
+class Compare(Toys):
     """Ten excitations of the motor for 0.6 s, each optimised.
 
     Attributes:
@@ -92,10 +93,6 @@ class Compare:
         if excitation == OURS:
             return trajectory_path(self.motions, Cell(ONE_MOTION, HORIZON))
         return self.named(f"compare_{excitation}.csv")
-
-    def named(self, name: str) -> Path:
-        """A file; a toy's never takes the place of a real one."""
-        return self.out / (f"toy_{name}" if self.toy else name)
 
 
 def main(options: Compare) -> None:

@@ -20,6 +20,7 @@ from tqdm import tqdm
 
 from experiments.linear_motor.designs import HORIZON, TOY, one_motion, with_starts
 from experiments.linear_motor.figures import SYMBOLS
+from experiments.toys import Toys
 from jaxid import linear_motor as motor
 from jaxid import report
 from jaxid.control import ARC
@@ -55,7 +56,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Sequential:
+class Sequential(Toys):
     """Three experiments, each under the limits that the box left by the one before allows.
 
     Attributes:
@@ -69,10 +70,6 @@ class Sequential:
     seed: int = 0
     redraw: bool = False
     toy: bool = False
-
-    def named(self, name: str) -> Path:
-        """A file; a toy's never takes the place of a real one."""
-        return self.out / (f"toy_{name}" if self.toy else name)
 
     def path(self, jerk: float, number: int, first_limits: bool = False) -> Path:
         """Of the motion of a round, under its limits or those of the first one."""

@@ -1,0 +1,19 @@
+"""Programs that can be tried at toy size, without touching what they keep."""
+
+from pathlib import Path
+
+
+class Toys:
+    """Of a program's options: a toy's files have names of their own.
+
+    Attributes:
+        out: the folder of its files.
+        toy: whether hardly anything is computed.
+    """
+
+    out: Path
+    toy: bool
+
+    def named(self, name: str) -> Path:
+        """A file; a toy's never takes the place of a real one."""
+        return self.out / (f"toy_{name}" if self.toy else name)
