@@ -20,6 +20,7 @@ says which room may import from which; it is tested, and so is that nobody impor
     trajectory <- checks, quantities
     limits <- checks, quantities, ranges, system, trajectory
     feasible <- checks, limits, trajectory
+    approach <- checks, limits, trajectory
     starts <- feasible
     problem <- limits, quantities, trajectory
     admissible <- checks, feasible, problem, quantities, trajectory
@@ -69,8 +70,8 @@ objective, polish, problem, quantities, system, trajectory
 system, trajectory
     log_file <- checks
     steady <- checks, log, log_file
-    axis_file <- control, disturbance_bounds, foresight, limits, log_file, problem, regressors, \
-system, trajectory
+    axis_tables <- control, disturbance_bounds, limits, log_file, regressors, system
+    axis_file <- axis_tables, checks, control, foresight, log_file, problem, system, trajectory
     files <- checks, trajectory
     setpoints <- checks, files, limits, trajectory
     blocks <- checks, files
@@ -83,19 +84,21 @@ sensing, simulate, system, trajectory
 simulate, system
     one_link_arm <- control, disturbance, disturbance_bounds, foresight, limits, regressors, \
 simulate, system
-    axis_design <- appraisal, axis_file, design, files, floor, foresight, guarantee, \
-motion_design, report, setpoints, trajectory
+    axis_design <- appraisal, approach, axis_file, checks, design, feasible_set, files, floor, \
+foresight, guarantee, motion_design, report, setpoints, trajectory
+    axis_tradeoff <- axis_design, axis_file, checks, design, files, floor, motion_design, report
     axis_prior <- axis_file, disturbance_bounds, feasible_set, fit, joint, log, log_file, \
 regressors, steady, system
     axis_identify <- axis_file, checks, feasible_set, files, fit, guarantee, joint, limits, log, \
 log_file, report, steady, system
-    axis_simulate <- axis_file, checks, control, disturbance, files, guarantee, limits, log, \
-loop, report, sensing, simulate, trajectory
-    cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, checks, design, \
-files, log_file, motion_design, report, runtime, steady
+    axis_simulate <- axis_design, axis_file, checks, control, disturbance, files, guarantee, \
+limits, log, loop, report, sensing, simulate, trajectory
+    cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, axis_tradeoff, \
+checks, design, files, log_file, motion_design, report, runtime, steady
 """
 
 from jaxid.appraisal import Appraisal, appraise
+from jaxid.approach import approach, joined, wait
 from jaxid.axis_file import Axis, read_axis
 from jaxid.bound import Norm, infinity
 from jaxid.brackets import Brackets, brackets
@@ -187,6 +190,7 @@ __all__ = [
     "Viscous",
     "acceleration_limit",
     "appraise",
+    "approach",
     "assumptions",
     "blind",
     "brackets",
@@ -202,6 +206,7 @@ __all__ = [
     "identify_log",
     "identify_logs",
     "infinity",
+    "joined",
     "log_of",
     "louder",
     "margins",
@@ -216,5 +221,6 @@ __all__ = [
     "smallest_factor",
     "through",
     "unlogged",
+    "wait",
     "write_setpoints",
 ]

@@ -7,23 +7,30 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from jaxid import report
 from jaxid.appraisal import Appraisal, appraise
+from jaxid.approach import approach, joined, wait
 from jaxid.axis_file import Axis
+from jaxid.checks import require
 from jaxid.design import Report
+from jaxid.feasible_set import louder
 from jaxid.files import write_json, write_trajectory
-from jaxid.floor import floor
+from jaxid.floor import Floor, floor
 from jaxid.foresight import foreseen
-from jaxid.guarantee import assumptions
+from jaxid.guarantee import assumptions, identify_log
 from jaxid.motion_design import GuaranteedEffort, design_guaranteed
 from jaxid.setpoints import margins, read_setpoints, sampled, write_setpoints
-from jaxid.trajectory import JerkTrajectory
+from jaxid.trajectory import JerkTrajectory, ticks
 
-ALL = "all"  # parameters at once
+ALL = "all"  # parameters at once, each error over its floor
+WANTED = "wanted"  # those of the file, each error over what is wanted
 FILES = (
     "trajectory.csv", "setpoints.csv", "setpoints.mat", "setpoints.h", "design.json", "design.png",
 )  # fmt: skip
+_TITLES = {ALL: "all parameters", WANTED: "the errors that are wanted"}
+FACTORS = (0.5, 2.0)  # of δ, for which it is shown too what could be guaranteed
 
 
 class AxisDesign(NamedTuple):
@@ -31,17 +38,19 @@ class AxisDesign(NamedTuple):
 
     Attributes:
         axis: that it is for.
-        target: the parameter that it is for, or `ALL`.
-        seed: of the search.
+        target: the parameter that it is for, `ALL` or `WANTED`.
+        search: its seed and effort, in words.
         motion: within all limits.
         worth: of each parameter.
+        sensitivity: what would be guaranteed with `FACTORS` of δ, shape (factors, m).
     """
 
     axis: Axis
     target: str
-    seed: int
+    search: str
     motion: JerkTrajectory
     worth: Appraisal
+    sensitivity: Float[np.ndarray, "factors m"]
 
 
 def design_axis(
@@ -55,80 +64,131 @@ def design_axis(
 
     Args:
         axis: from a file.
-        target: the name of a parameter; or all, of which the largest error over its floor counts.
+        target: the name of a parameter, `ALL` or `WANTED`; of several the largest error counts,
+            over its floor or over what is wanted.
         seed: of the search.
         effort: how long to search.
         report: told what goes on.
 
     Raises:
         InfeasibleError: if no motion keeps the limits.
+        ValueError: if the target is none, or the axis cannot come to the start of a motion.
     """
-    system, task = axis.system, axis.task
-    alone = None if target == ALL else system.index(target)
+    system, task, servo = axis.system, axis.task, axis.servo
+    ticks(lead_in(axis, task.boundary.start), servo.period)  # refused before the search
     report("floor of every parameter")
     least = floor(system, task.limits)
-    targets = least.value
-    if alone is not None:
-        targets = jnp.full_like(targets, jnp.inf).at[alone].set(targets[alone])
-    key = jax.random.key(seed)
-    motion = design_guaranteed(system, task, targets, key, axis.servo, effort=effort, report=report)
-    return AxisDesign(axis, target, seed, motion, appraise(system, motion, axis.servo, least))
+    targets, key = _targets(axis, target, least), jax.random.key(seed)
+    motion = design_guaranteed(system, task, targets, key, servo, effort=effort, report=report)
+    report("what it is worth")
+    return appraised(axis, target, in_words(seed, effort), motion, least)
+
+
+def in_words(seed: int, effort: GuaranteedEffort) -> str:
+    """Of a search, to tell it from others."""
+    return f"seed {seed}, {effort}"
+
+
+def appraised(
+    axis: Axis, target: str, search: str, motion: JerkTrajectory, least: Floor
+) -> AxisDesign:
+    """A motion with what it is worth, and would be with another δ."""
+    worth = appraise(axis.system, motion, axis.servo, least)
+    systems = [louder(axis.system, factor) for factor in FACTORS]
+    found = [identify_log(x, foreseen(x, motion, axis.servo)).estimate for x in systems]
+    sensitivity = np.stack([np.asarray(estimate.half_length) for estimate in found])
+    return AxisDesign(axis, target, search, motion, worth, sensitivity)
+
+
+def lead_in(axis: Axis, start: Float[Array, "3"]) -> JerkTrajectory:
+    """From home to the start of a motion, and the rest there; of no interval if it is at home."""
+    position, period = float(start[0]), axis.task.period
+    move = approach(axis.task.limits, axis.home, position, period)
+    return joined(move, wait(position, axis.waiting, period))
+
+
+def played(axis: Axis, motion: JerkTrajectory) -> JerkTrajectory:
+    """All that the servo plays: from home to the start of the motion, rest, and the motion."""
+    return joined(lead_in(axis, motion.start), motion)
 
 
 def write_design(folder: Path, found: AxisDesign) -> dict[str, float]:
     """Write `FILES`; what the exported positions leave of each limit, in half-widths."""
     axis, coordinate = found.axis, found.axis.system.coordinate
     write_trajectory(folder / "trajectory.csv", found.motion, coordinate)
-    points = sampled(found.motion, axis.servo.period)
+    points = sampled(played(axis, found.motion), axis.servo.period)
     for name in FILES[1:4]:
         write_setpoints(folder / name, points, coordinate)
     left = margins(read_setpoints(folder / "setpoints.csv", coordinate), axis.task.limits)
-    write_json(folder / "design.json", summary(found, left))
     page(folder / "design.png", found)
+    write_json(folder / "design.json", summary(found, left))  # last: then all is there
     return left
 
 
 def summary(found: AxisDesign, left: dict[str, float]) -> dict[str, Any]:
     """For other programs: what was designed, what it is worth, and what that rests on."""
-    system, servo, worth = found.axis.system, found.axis.servo, found.worth
-    parameters = {
-        name: {
-            "unit": system.units[k],
-            "interval": [float(system.lower[k]), float(system.upper[k])],
-            "J": float(worth.error[k]),
-            "guaranteed": float(worth.guaranteed[k]),
-            "floor": float(worth.floor[k]),
-            "gap": float(worth.gap[k]),
-        }
-        for k, name in enumerate(system.names)
-    }
+    axis, system, motion = found.axis, found.axis.system, found.motion
+    begins = float(lead_in(axis, motion.start).duration)
     return {
         "program": f"jaxid {version('jaxid')}",
+        "axis_sha256": axis.digest,
         "target": found.target,
-        "seed": found.seed,
-        "parameters": parameters,
+        "search": found.search,
+        "begins_s": begins,
+        "ends_s": begins + float(motion.duration),
+        "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
         "margins": left,
-        "rests_on": list(assumptions(system, foreseen(system, found.motion, servo))),
+        "rests_on": list(assumptions(system, foreseen(system, motion, axis.servo))),
     }
+
+
+def _parameter(found: AxisDesign, k: int) -> dict[str, Any]:
+    system, worth, wanted = found.axis.system, found.worth, float(found.axis.wanted[k])
+    known = {
+        "unit": system.units[k],
+        "interval": [float(system.lower[k]), float(system.upper[k])],
+        "J": float(worth.error[k]),
+        "guaranteed": float(worth.guaranteed[k]),
+        "floor": float(worth.floor[k]),
+        "gap": float(worth.gap[k]),
+        "guaranteed_with_delta_times": {
+            f"{factor:g}": float(row[k])
+            for factor, row in zip(FACTORS, found.sensitivity, strict=True)
+        },
+    }
+    return known if np.isinf(wanted) else known | {"wanted": wanted}
+
+
+def _targets(axis: Axis, target: str, least: Floor) -> Float[Array, " m"]:
+    """What each error is compared with; inf leaves a parameter out."""
+    if target == ALL:
+        return least.value
+    if target == WANTED:
+        require(
+            bool(jnp.any(jnp.isfinite(axis.wanted))),
+            f"Argument `target` must not be {WANTED} unless the axis says what is wanted.",
+        )
+        return axis.wanted
+    k = axis.system.index(target)
+    return jnp.full_like(least.value, jnp.inf).at[k].set(least.value[k])
 
 
 def page(path: Path, found: AxisDesign) -> None:
-    """The motion within its limits, and what its log can be expected to leave of each interval."""
-    system, worth = found.axis.system, found.worth
+    """What is played within its limits, and what the log of the motion can be expected to leave."""
+    axis, worth = found.axis, found.worth
     canvas, panels = report.figure(2, 2, (11.0, 7.0))
-    title = f"motion for {found.target}" + (" parameters" if found.target == ALL else "")
-    limits = np.asarray(found.axis.task.limits.motion)
-    report.motion(panels[:3], found.motion, limits, title, system.coordinate)
+    title = f"motion for {_TITLES.get(found.target, found.target)}"
+    limits, whole = np.asarray(axis.task.limits.motion), played(axis, found.motion)
+    report.motion(panels[:3], whole, limits, title, axis.system.coordinate)
+    before = float(whole.duration - found.motion.duration)
+    for panel in panels[: 3 if before else 0]:
+        panel.axvspan(0.0, before, color=report.GREY, alpha=0.2, linewidth=0)
+    if before:
+        panels[0].set_title(f"{title}; grey: its approach", fontsize=12)
     panels[1].set_xlabel("time (s)", fontsize=12)
-    box = np.asarray(system.half_widths)
-    x = np.arange(len(box))
+    box = np.asarray(axis.system.half_widths)
     kinds = {"least squares": worth.error, "guaranteed": worth.guaranteed, "floor": worth.floor}
-    for shift, colour, (kind, error) in zip(
-        (-0.27, 0.0, 0.27), report.CYCLE, kinds.items(), strict=False
-    ):
-        share = np.minimum(np.asarray(error) / box, 1.0)
-        panels[3].bar(x + shift, share, 0.25, color=colour, label=kind)
-    panels[3].set_xticks(x, system.names, fontsize=12)
-    panels[3].legend(fontsize=10)
+    shares = {kind: np.asarray(error) / box for kind, error in kinds.items()}
+    report.bars(panels[3], axis.system.names, shares, 1.0, np.asarray(axis.wanted) / box)
     report.label(panels[3], "", "error, of the prior half-width")
     report.save(canvas, path)

@@ -1,33 +1,27 @@
-"""An axis in a TOML file: what an engineer knows of hers, checked entry by entry.
+"""An axis in a TOML file: what an engineer knows of hers.
 
-The file is data. It never runs code, whatever is in it.
+The file is data. It never runs code, whatever is in it, unless who reads it allows that.
 """
 
-import math
-from collections.abc import Mapping
+import hashlib
+import importlib
+import sys
 from importlib import resources
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import msgspec
+from jaxtyping import Array, Float
 
-from jaxid.control import ARC, Controller, PDFeedforward
-from jaxid.disturbance_bounds import ConstantBound, DisturbanceBound, SpeedBand
+from jaxid.axis_tables import AxisTables, Coordinate, whole
+from jaxid.checks import require
+from jaxid.control import Controller
 from jaxid.foresight import Servo
-from jaxid.limits import Boundary, Limits, Via, acceleration_limit, through
-from jaxid.log_file import Column, Columns
+from jaxid.log_file import Columns
 from jaxid.problem import Task
-from jaxid.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Sine, Spring, Viscous
-from jaxid.system import System, Term
+from jaxid.system import System
 from jaxid.trajectory import uniform
-
-Coordinate = Literal["linear", "rotary"]
-_LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
-_ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
-_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-Pair = tuple[float, float]
-Direction = Literal["both", "forward", "backward"]
 
 
 class Axis(NamedTuple):
@@ -41,6 +35,11 @@ class Axis(NamedTuple):
         delay: servo periods until a command acts.
         columns: of its logs, if the file says; the input converted by the gain.
         controller: that tracks a motion, if the file says; in the unit of the input.
+        wanted: how small the errors of the parameters should be, in their units; inf where the
+            file does not say.
+        home: where it rests before it is moved to the start of a motion, m or rad.
+        waiting: knot periods of rest at that start.
+        digest: SHA-256 of the file.
     """
 
     system: System
@@ -50,16 +49,34 @@ class Axis(NamedTuple):
     delay: int
     columns: Columns | None
     controller: Controller | None
+    wanted: Float[Array, " m"]
+    home: float
+    waiting: int
+    digest: str
+
+    def lasting(self, duration: float) -> "Axis":
+        """The same axis with motions of another duration, s."""
+        period = self.task.period
+        axis = self._replace(task=self.task._replace(intervals=whole(duration, period, "a motion")))
+        _require_logs(axis.system, axis.task, axis.servo)
+        return axis
 
 
-def read_axis(path: Path) -> Axis:
+def read_axis(path: Path, *, run_python: bool = False) -> Axis:
     """The axis in a file.
+
+    Args:
+        path: of the file.
+        run_python: run the module that its entry `python` names, if it has one.
 
     Raises:
         ValueError: if the file is not one, in a sentence that names it and the entry.
     """
+    data = path.read_bytes()
     try:
-        return _axis(msgspec.toml.decode(path.read_bytes(), type=_File))
+        tables = msgspec.toml.decode(data, type=AxisTables)
+        system = _system(tables, path, run_python)
+        return _axis(tables, system, hashlib.sha256(data).hexdigest())
     except (msgspec.DecodeError, UnicodeDecodeError, ValueError) as error:
         raise ValueError(f"File {path}: {str(error).replace('`$.', '`')}") from None
 
@@ -69,280 +86,64 @@ def example(coordinate: Coordinate) -> str:
     return (resources.files("jaxid") / "templates" / f"{coordinate}.toml").read_text()
 
 
-class _Table(msgspec.Struct, forbid_unknown_fields=True):
-    """Of a file; a misspelt entry is an error, and so is a number that is not finite."""
-
-    def __post_init__(self) -> None:
-        for name in self.__struct_fields__:
-            entry = getattr(self, name)
-            several = tuple(entry.values()) if isinstance(entry, dict) else entry
-            for number in several if isinstance(several, tuple) else (several,):
-                if isinstance(number, float) and not math.isfinite(number):
-                    raise ValueError(f"`{name}` must be finite, but is {entry}")
-
-
-class _Kind(_Table, tag_field="kind"):
-    """A parameter, and what multiplies it."""
-
-    name: str
-    unit: str
-    interval: Pair
-
-    def regressor(self) -> Regressor | None:
-        raise NotImplementedError
-
-    def term(self) -> Term:
-        return Term(self.name, self.unit, self.interval, self.regressor())
-
-
-class _Inertia(_Kind, tag="inertia"):
-    def regressor(self) -> None:
-        return None
-
-
-class _Constant(_Kind, tag="constant"):
-    def regressor(self) -> Regressor:
-        return Constant()
-
-
-class _Spring(_Kind, tag="spring"):
-    rest: float = 0.0
-
-    def regressor(self) -> Regressor:
-        return Spring(self.rest)
-
-
-class _Gravity(_Kind, tag="gravity"):
-    phase: float = 0.0
-
-    def regressor(self) -> Regressor:
-        return Sine(self.phase)
-
-
-class _Cogging(_Kind, tag="cogging", kw_only=True):
-    pitch: float
-    harmonic: int = 1
-    phase: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.pitch <= 0 or self.harmonic < 1:
-            raise ValueError(
-                "`pitch` must be above zero and `harmonic` 1 or more, but they are "
-                f"{self.pitch:g} and {self.harmonic}"
-            )
-
-    def regressor(self) -> Regressor:
-        return Sine(self.phase, self.pitch / self.harmonic)
-
-
-class _Friction(_Kind, kw_only=True):
-    """Of velocity, in both directions or in one."""
-
-    direction: Direction = "both"
-
-    def both(self) -> Regressor:
-        raise NotImplementedError
-
-    def regressor(self) -> Regressor:
-        if self.direction == "both":
-            return self.both()
-        return OneWay(self.both(), self.direction == "forward")
-
-
-class _Viscous(_Friction, tag="viscous"):
-    def both(self) -> Regressor:
-        return Viscous()
-
-
-class _Sign(_Friction, tag="sign"):
-    def both(self) -> Regressor:
-        return Sign()
-
-
-class _Coulomb(_Friction, tag="coulomb", kw_only=True):
-    beta: float
-
-    def both(self) -> Regressor:
-        return Coulomb(self.beta)
-
-
-class _Input(_Table):
-    unit: Literal["V", "A", "N", "N m"]
-    gain: float = 1.0
-    delay: int = 0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.gain == 0:
-            raise ValueError("`gain` must not be zero")
-        if self.delay < 0:
-            raise ValueError(f"`delay` must be 0 or more, but is {self.delay}")
-
-    def pushed(self, commanded: Pair) -> Pair:
-        """An interval of what is commanded, in the unit of the input."""
-        low, high = sorted(self.gain * end for end in commanded)
-        return low, high
-
-
-class _Servo(_Table):
-    period: float
-    resolution: float
-    velocity_error: float = 0.0
-
-
-class _Disturbance(_Table):
-    level: float
-    slow: float | None = None
-    threshold: float | None = None
-
-    def bound(self) -> DisturbanceBound:
-        if self.slow is None and self.threshold is None:
-            return ConstantBound(self.level)
-        if self.slow is None or self.threshold is None:
-            raise ValueError("`slow` and `threshold` of the disturbance belong together: give both")
-        return SpeedBand(self.slow, self.level, self.threshold)
-
-
-class _Limits(_Table):
-    position: Pair
-    velocity: Pair
-    input: Pair
-    jerk: Pair
-    acceleration: Pair | None = None
-    input_rate: Pair | None = None
-
-    def of(self, system: System, input: _Input) -> Limits:
-        """In the unit of the input."""
-        rate = None if self.input_rate is None else input.pushed(self.input_rate)
-        box = {"position": self.position, "velocity": self.velocity}
-        pushed = input.pushed(self.input)
-        acceleration = self.acceleration
-        if acceleration is None:
-            acceleration = acceleration_limit(system, **box, input=pushed)
-        return Limits(
-            **box, acceleration=acceleration, jerk=self.jerk, input=pushed, input_rate=rate
-        )
-
-
-class _Log(_Table):
-    """Units are names, or numbers: SI units per unit of the column."""
-
-    position: Column
-    input: Column
-    time: Column | None = None
-    position_unit: str | float = 1.0
-    time_unit: str | float = 1.0
-    input_unit: float = 1.0
-
-    def columns(self, coordinate: Coordinate, gain: float) -> Columns:
-        """With the input in the unit of the axis."""
-        lengths = _LENGTHS if coordinate == "linear" else _ANGLES
-        position = _unit("position_unit", self.position_unit, lengths)
-        time = _unit("time_unit", self.time_unit, _TIMES)
-        input = gain * _unit("input_unit", self.input_unit, {})
-        return Columns(self.position, self.input, self.time, position, input, time)
-
-
-def _unit(name: str, unit: str | float, named: Mapping[str, float]) -> float:
-    found = named.get(unit) if isinstance(unit, str) else unit
-    if not found:
-        raise ValueError(f"`{name}` must be {', '.join([*named, 'a number'])}, but is {unit!r}")
-    return found
-
-
-class _Law(_Table, tag_field="kind"):
-    """Its gains are in the unit in which the terms push."""
-
-    def controller(self, system: System) -> Controller:
-        raise NotImplementedError
-
-
-class _PD(_Law, tag="pd"):
-    kp: float
-    kd: float
-
-    def controller(self, system: System) -> Controller:
-        return PDFeedforward(system, system.centre, self.kp, self.kd)
-
-
-class _ARC(_Law, tag="arc"):
-    k1: float
-    k2: float
-    epsilon: float
-    gamma: dict[str, float] = {}
-
-    def controller(self, system: System) -> Controller:
-        for name in self.gamma:
-            system.index(name)  # refuses what is none
-        gamma = jnp.array([self.gamma.get(name, 0.0) for name in system.names])
-        return ARC(system, self.k1, self.k2, self.epsilon, gamma)
-
-
-class _Via(_Table):
-    at: float
-    lower: float | None = None
-    upper: float | None = None
-
-    def via(self) -> Via:
-        low, high = (-math.inf, -math.inf), (math.inf, math.inf)
-        lower = -math.inf if self.lower is None else self.lower
-        upper = math.inf if self.upper is None else self.upper
-        return Via(self.at, (lower, *low), (upper, *high))
-
-
-class _Motion(_Table):
-    start: float
-    end: float
-    duration: float
-    knot_period: float
-    via: tuple[_Via, ...] = ()
-
-    @property
-    def intervals(self) -> int:
-        """Of constant jerk."""
-        count = self.duration / self.knot_period if self.knot_period > 0 else 0.0
-        if count < 1 or abs(count - round(count)) > 1e-6:
-            raise ValueError(
-                f"`knot_period` must divide the duration {self.duration:g} s, but is "
-                f"{self.knot_period:g} s"
-            )
-        return round(count)
-
-    def boundary(self) -> Boundary:
-        """From rest to rest."""
-        ways = tuple(via.via() for via in self.via)
-        return Boundary((self.start, 0.0, 0.0), (*ways, through((self.end, 0.0, 0.0), at=1.0)))
-
-
-class _File(_Table):
-    coordinate: Coordinate
-    input: _Input
-    servo: _Servo
-    terms: tuple[
-        _Inertia | _Viscous | _Coulomb | _Sign | _Constant | _Spring | _Gravity | _Cogging,
-        ...,
-    ]
-    disturbance: _Disturbance
-    limits: _Limits
-    motion: _Motion
-    log: _Log | None = None
-    controller: _PD | _ARC | None = None
-
-
-def _axis(file: _File) -> Axis:
-    system = System(
-        tuple(kind.term() for kind in file.terms),
-        file.disturbance.bound(),
-        file.input.unit,
-        file.coordinate,
-    )
-    limits, motion = file.limits.of(system, file.input), file.motion
+def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
+    limits, motion = tables.limits.of(system, tables.input), tables.motion
     task = Task(limits, motion.boundary(), motion.intervals, motion.knot_period)
-    servo = Servo(file.servo.period, file.servo.resolution, None, file.servo.velocity_error)
+    servo = Servo(tables.servo.period, tables.servo.resolution, None, tables.servo.velocity_error)
+    _require_logs(system, task, servo)
+    gain, delay, log, law = tables.input.gain, tables.input.delay, tables.log, tables.controller
+    return Axis(
+        system,
+        task,
+        servo,
+        gain,
+        delay,
+        None if log is None else log.columns(tables.coordinate, gain),
+        None if law is None else law.controller(system),
+        tables.targets(system),
+        motion.start if motion.home is None else motion.home,
+        motion.waiting,
+        digest,
+    )
+
+
+def _require_logs(system: System, task: Task, servo: Servo) -> None:
+    """Refuse a servo that no log of a motion can be kept with."""
     at_rest = uniform(task.boundary.start, jnp.zeros(task.intervals), task.period)
-    servo.foresight(system, at_rest)  # refuses what no log can be kept with
-    gain = file.input.gain
-    columns = None if file.log is None else file.log.columns(file.coordinate, gain)
-    law = None if file.controller is None else file.controller.controller(system)
-    return Axis(system, task, servo, gain, file.input.delay, columns, law)
+    servo.foresight(system, at_rest)
+
+
+def _system(tables: AxisTables, path: Path, run_python: bool) -> System:
+    if tables.python is None:
+        return tables.system()
+    require(
+        run_python,
+        f"it names the Python code {tables.python}, which runs only if you allow it: --run-python.",
+    )
+    system = _named(tables.python, path.parent)
+    said = (system.coordinate, system.input_unit)
+    expected = (tables.coordinate, tables.input.unit)
+    require(
+        said == expected,
+        f"the axis of {tables.python} must be {expected[0]} with an input in {expected[1]} like "
+        f"the file, but is {said[0]} with one in {said[1]}.",
+    )
+    return system
+
+
+def _named(name: str, folder: Path) -> System:
+    """The system, or what a function without arguments returns, under a name module:object."""
+    module, _, attribute = name.partition(":")
+    sys.path.insert(0, str(folder.resolve()))
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"`python` must name a module:object, but {name!r}: {error}") from None
+    finally:
+        sys.path.pop(0)
+    system: object = found if isinstance(found, System) or not callable(found) else found()
+    if not isinstance(system, System):
+        raise ValueError(
+            f"`python` must name a jaxid.System, but {name} is a {type(system).__name__}."
+        )
+    return system

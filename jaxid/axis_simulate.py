@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid import report
+from jaxid.axis_design import played
 from jaxid.axis_file import Axis
 from jaxid.checks import require
 from jaxid.control import Controller, Delayed
@@ -36,7 +37,7 @@ class Simulated(NamedTuple):
 
     Attributes:
         axis: of the file.
-        motion: that they tracked.
+        played: what they tracked, from home on.
         seed: of θ and Δ.
         plants: how many.
         excess: beyond each limit at worst, in half-widths; below zero it is kept. Shape (k, sides).
@@ -47,7 +48,7 @@ class Simulated(NamedTuple):
     """
 
     axis: Axis
-    motion: JerkTrajectory
+    played: JerkTrajectory
     seed: int
     plants: int
     excess: dict[str, Float[np.ndarray, " k"]]
@@ -69,7 +70,7 @@ def simulate_axis(
 
     Args:
         axis: from a file with a controller.
-        motion: to track.
+        motion: to track, after an approach if the axis is elsewhere at home.
         plants: how many.
         logs: of how many what their logs prove is found too.
         seed: of θ and Δ.
@@ -79,13 +80,14 @@ def simulate_axis(
         ValueError: if the axis has no controller, or there are fewer plants than logs.
     """
     require(1 <= logs <= plants, f"Argument `logs` must be 1 to {plants}, but is {logs}.")
-    loop = _loop(axis, motion)
+    whole = played(axis, motion)
+    loop = _loop(axis, whole)
     kinds = (NoDisturbance(), AgainstTracking(_PUSH), AgainstTracking(-_PUSH))
     key = jax.random.key(seed)
     scenarios = random_scenarios(key, axis.system, kinds, loop.ticks, plants)
     tell(f"{plants} plants")
-    excess = np.asarray(excesses(loop, scenarios, axis.task.limits, motion))
-    drawn = _signals(loop, scenarios[np.arange(min(max(logs, _DRAWN), plants))], motion)
+    excess = np.asarray(excesses(loop, scenarios, axis.task.limits, whole))
+    drawn = _signals(loop, scenarios[np.arange(min(max(logs, _DRAWN), plants))], whole)
     kept, lengths, outside = [_log(axis, drawn, k) for k in range(logs)], [], 0
     for k, log in enumerate(kept):
         tell(f"what log {k + 1} of {logs} proves")
@@ -94,7 +96,7 @@ def simulate_axis(
         outside += not bool(jnp.all((found.lower <= theta) & (theta <= found.upper)))
         lengths.append(np.asarray(found.half_length))
     sides = dict(zip(_sides(axis.task.limits), excess.T, strict=True))
-    return Simulated(axis, motion, seed, plants, sides, drawn, np.stack(lengths), outside, kept[0])
+    return Simulated(axis, whole, seed, plants, sides, drawn, np.stack(lengths), outside, kept[0])
 
 
 def _loop(axis: Axis, motion: JerkTrajectory) -> Loop:
@@ -160,7 +162,7 @@ def page(path: Path, found: Simulated) -> None:
     unit, limits = UNITS[axis.system.coordinate], axis.task.limits
     canvas, panels = report.figure(1, 3, (12.0, 4.2))
     instants = np.asarray(drawn.time[0])
-    error = drawn.position - found.motion.states(drawn.time[0]).position[None]
+    error = drawn.position - found.played.states(drawn.time[0]).position[None]
     ticks_at = instants[:-1:_SUBSTEPS]
     views: tuple[tuple[str, np.ndarray, Array, Array | None], ...] = (
         (f"position less the motion's ({unit})", instants, error, None),

@@ -1,7 +1,8 @@
 """The `jaxid` command: parse, call the library, print."""
 
+import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -9,12 +10,13 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from jaxid import axis_identify, axis_prior, axis_simulate
-from jaxid.axis_design import ALL, FILES, AxisDesign, design_axis, write_design
+from jaxid import axis_design, axis_identify, axis_prior, axis_simulate, axis_tradeoff
+from jaxid.axis_design import ALL, AxisDesign, design_axis
 from jaxid.axis_file import Axis, Coordinate, example, read_axis
 from jaxid.axis_identify import Identified, identify_axis
 from jaxid.axis_prior import propose
 from jaxid.axis_simulate import simulate_axis
+from jaxid.axis_tradeoff import tradeoff
 from jaxid.checks import require
 from jaxid.design import Effort
 from jaxid.files import read_trajectory, write_bytes
@@ -48,7 +50,9 @@ def init(
     print(f"{axis} describes an example: change it into your axis, then: jaxid design {axis}")
 
 
-def prior(axis: tyro.conf.Positional[Path], log: tyro.conf.Positional[Path]) -> None:
+def prior(
+    axis: tyro.conf.Positional[Path], log: tyro.conf.Positional[Path], run_python: bool = False
+) -> None:
     """Propose intervals of the parameters and δ, from a log of any motion: a jog, a square wave.
 
     Example: jaxid prior slide.toml jog.csv
@@ -56,8 +60,9 @@ def prior(axis: tyro.conf.Positional[Path], log: tyro.conf.Positional[Path]) -> 
     Args:
         axis: the file that describes it; of its intervals and its disturbance nothing is used.
         log: CSV, MAT or HDF5.
+        run_python: run the module that the file of the axis names.
     """
-    known = read_axis(axis)
+    known = read_axis(axis, run_python=run_python)
     found = propose(known, read_log(log, _columns(axis, known)))
     system = known.system
     numbers = zip(*(x.tolist() for x in (found.theta, found.lower, found.upper)), strict=True)
@@ -70,31 +75,45 @@ def prior(axis: tyro.conf.Positional[Path], log: tyro.conf.Positional[Path]) -> 
 def design(
     axis: tyro.conf.Positional[Path],
     out: Path,
-    target: str = ALL,
+    target: tuple[str, ...] = (ALL,),
+    horizons: tuple[float, ...] = (),
     seed: int = 0,
     effort: Literal["usual", "quick"] = "usual",
     force: bool = False,
+    run_python: bool = False,
 ) -> None:
     """Design the motion that an axis is identified by best, for the servo to play.
 
     Example: jaxid design slide.toml --out slide
 
+    What would be gained by a longer one, or for one parameter alone?
+    jaxid design slide.toml --out choice --target all M --horizons 0.4 0.6 1.2
+
     Args:
         axis: the file that describes it.
-        out: the folder for the motion as CSV, MAT and C header, its numbers and a page to look at.
-        target: the name of one parameter, or all.
+        out: the folder for the motion as CSV, MAT and C header, its numbers and a page to look at;
+            of several motions, for a folder each, and a table and a page that compare them.
+        target: the name of one parameter; all, by their floors; or wanted, by what the file wants.
+        horizons: durations in s, in place of the file's.
         seed: of the search.
         effort: quick takes a tenth of the time, and is a few per cent worse.
         force: replace files that are there.
+        run_python: run the module that the file of the axis names.
     """
-    _keep([out / name for name in FILES], force)
-    known = read_axis(axis)
+    require(target, "Argument `target` must name what to design for, but is empty.")
+    known = read_axis(axis, run_python=run_python)
+    times = horizons or (known.task.intervals * known.task.period,)
+    several = len(target) * len(times) > 1
+    files = axis_tradeoff.FILES if several else axis_design.FILES
+    _keep([out / name for name in files], force)
     with tqdm(bar_format="{desc} ({elapsed})") as line:
-        found = design_axis(known, target, seed, EFFORTS[effort], line.set_description)
-    left = write_design(out, found)
-    print(_table(found))
-    print("Left of the limits:", ", ".join(f"{name} {x:.2%}" for name, x in left.items()))
-    print(f"Written to {out}: {', '.join(FILES)}")
+        search = seed, EFFORTS[effort], line.set_description
+        if several:
+            found = tradeoff(known, target, times, out, *search)
+        else:
+            found = [design_axis(known.lasting(times[0]), target[0], *search)]
+    print(_compared(out, found) if several else _kept_one(out, found[0]))
+    print(f"Written to {out}: {', '.join(files)}")
 
 
 def simulate(
@@ -104,6 +123,7 @@ def simulate(
     logs: int = 10,
     seed: int = 0,
     force: bool = False,
+    run_python: bool = False,
 ) -> None:
     """Let random axes of the box track a designed motion in closed loop: what will happen?
 
@@ -116,9 +136,10 @@ def simulate(
         logs: of how many of them what their logs prove is found too.
         seed: of the axes and of what disturbs them.
         force: replace files that are there.
+        run_python: run the module that the file of the axis names.
     """
     _keep([design / name for name in axis_simulate.FILES], force)
-    known = read_axis(axis)
+    known = read_axis(axis, run_python=run_python)
     motion = read_trajectory(design / "trajectory.csv", known.system.coordinate)
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
         found = simulate_axis(known, motion, plants, logs, seed, line.set_description)
@@ -139,6 +160,7 @@ def identify(
     log: tyro.conf.Positional[Path],
     out: Path,
     force: bool = False,
+    run_python: bool = False,
 ) -> None:
     """Read a log of an axis: intervals that hold for its parameters, and whether it contradicts δ.
 
@@ -149,9 +171,10 @@ def identify(
         log: CSV, MAT or HDF5, of a motion that was designed or of any other.
         out: the folder for the result and a picture of what least squares leaves.
         force: replace files that are there.
+        run_python: run the module that the file of the axis names.
     """
     _keep([out / name for name in axis_identify.FILES], force)
-    known = read_axis(axis)
+    known = read_axis(axis, run_python=run_python)
     recorded = read_log(log, _columns(axis, known))
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
         found = identify_axis(known, recorded, line.set_description)
@@ -195,12 +218,32 @@ def main(arguments: list[str] | None = None) -> None:
         raise SystemExit(130) from None
 
 
+def _compared(out: Path, found: Sequence[AxisDesign]) -> str:
+    axis_tradeoff.write_tradeoff(out, found)
+    header = axis_tradeoff.COLUMNS
+    rows = [[row[name] for name in header] for row in axis_tradeoff.rows(found)]
+    return text_table(header, rows, "What their logs can be expected to prove")
+
+
+def _kept_one(out: Path, found: AxisDesign) -> str:
+    left = axis_design.write_design(out, found)
+    margins = ", ".join(f"{name} {x:.2%}" for name, x in left.items())
+    return f"{_table(found)}\nLeft of the limits: {margins}"
+
+
 def _table(found: AxisDesign) -> str:
     system, worth = found.axis.system, found.worth
-    header = ("parameter", "unit", "J", "guaranteed", "floor", "gap")
-    columns = (worth.error, worth.guaranteed, worth.floor, worth.gap)
-    numbers = zip(*(column.tolist() for column in columns), strict=True)
-    rows = [(*head, *row) for *head, row in zip(system.names, system.units, numbers, strict=True)]
+    twice = axis_design.FACTORS.index(2.0)
+    header = ["parameter", "unit", "J", "guaranteed", "floor", "gap", "with 2·δ"]
+    columns = [worth.error, worth.guaranteed, worth.floor, worth.gap, found.sensitivity[twice]]
+    numbers = [list(row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+    wanted = found.axis.wanted.tolist()
+    if any(map(math.isfinite, wanted)):
+        header.append("wanted")
+        numbers = [
+            [*row, x if math.isfinite(x) else None] for row, x in zip(numbers, wanted, strict=True)
+        ]
+    rows = [[*head, *row] for *head, row in zip(system.names, system.units, numbers, strict=True)]
     return text_table(header, rows, "What its log can be expected to prove")
 
 

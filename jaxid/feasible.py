@@ -163,19 +163,25 @@ def interior(
     Raises:
         InfeasibleError: if there is none, which a linear program proves.
     """
-    trajectory, margin = _deepest(limits, boundary, intervals, period, size or intervals)
-    if trajectory is None:
+    trajectory, margin = _deepest(limits, boundary, intervals, period, size)
+    if trajectory is None and margin < 0:
         shortest = shortest_feasible(limits, boundary, period, multiple=_grid(boundary))
         raise InfeasibleError(intervals, period, -margin, shortest)
+    if trajectory is None:
+        raise ValueError(
+            f"Argument `intervals`: with {intervals} intervals of {period:g} s the admissible "
+            f"motions have no interior (largest margin {margin:.1e}): allow a longer motion or "
+            "wider limits."
+        )
     return trajectory
 
 
 def shortest_feasible(
     limits: Limits, boundary: Boundary, period: float, multiple: int = 1, most: int = 2000
 ) -> int:
-    """The smallest number of intervals, a multiple of `multiple`, for which a motion exists."""
+    """The smallest number of intervals, a multiple, for which a motion has room to all limits."""
     for intervals in range(multiple, most + 1, multiple):
-        if _deepest(limits, boundary, intervals, period, intervals)[0] is not None:
+        if _deepest(limits, boundary, intervals, period)[0] is not None:
             return intervals
     raise ValueError(
         f"Argument `boundary`: no motion of up to {most} intervals of {period:g} s meets it within "
@@ -189,23 +195,20 @@ def inequalities(limits: Limits, boundary: Boundary, intervals: int, period: flo
 
 
 def _deepest(
-    limits: Limits, boundary: Boundary, intervals: int, period: float, size: int
+    limits: Limits, boundary: Boundary, intervals: int, period: float, size: int | None = None
 ) -> tuple[JerkTrajectory | None, float]:
-    """The deepest motion and its margin; None and a *proved* negative margin if there is none."""
+    """The deepest motion, if one has room, and its margin: below zero if none is *proved* to."""
     margin = 0.0
     for per_interval in (4, 16, 64):
         c = _conditions(limits, boundary, intervals, period, per_interval)
         x, margin, bound = _largest_margin(c)
         if bound < 0:
             return None, bound
-        found = padded(uniform(boundary.start, jnp.asarray(x * c.unit), period), size)
+        found = padded(uniform(boundary.start, jnp.asarray(x * c.unit), period), size or intervals)
         # sampling relaxes the limits between the samples: only the exact extrema decide
         if margin > 0 and float(worst_excess(limits, boundary, found)) < 0:
             return found, margin
-    raise ValueError(
-        f"Argument `intervals`: with {intervals} intervals of {period:g} s the admissible motions "
-        f"have no interior (largest margin {margin:.1e}): allow a longer motion or wider limits."
-    )
+    return None, max(0.0, margin)
 
 
 def _largest_margin(c: Inequalities) -> tuple[Vector, float, float]:

@@ -124,6 +124,35 @@ def intervals(
     panel.legend(fontsize=10)
 
 
+def bars(
+    panel: Axes,
+    names: Sequence[str],
+    kinds: Mapping[str, Array],
+    highest: float,
+    wanted: Array,
+) -> None:
+    """Numbers of several kinds for several parameters.
+
+    Args:
+        panel: to draw on.
+        names: of the parameters, from left to right.
+        kinds: for each kind a number per parameter.
+        highest: bars end there.
+        wanted: of each parameter, as a black line; inf for none.
+    """
+    x, width = np.arange(len(names)), 0.8 / len(kinds)
+    offsets = width * (np.arange(len(kinds)) - (len(kinds) - 1) / 2)
+    for (kind, values), offset, colour in zip(kinds.items(), offsets, CYCLE, strict=False):
+        panel.bar(x + offset, np.minimum(values, highest), 0.93 * width, color=colour, label=kind)
+    some = np.flatnonzero(wanted <= highest)
+    if some.size:
+        panel.hlines(
+            wanted[some], some - 0.42, some + 0.42, color=BLACK, linewidth=1.5, label="wanted"
+        )
+    panel.set_xticks(x, names, fontsize=12)
+    panel.legend(fontsize=10)
+
+
 def heat_map(
     panel: Axes,
     values: Array,

@@ -1,5 +1,7 @@
 """An axis in a file is the one that Python makes; what cannot be is refused, in sentences."""
 
+import sys
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -92,6 +94,80 @@ direction = "backward"
     assert kinds == [Sine, OneWay, OneWay]
 
 
+def test_a_motion_may_begin_elsewhere_and_end_anywhere(read):
+    home = ("# home = 0.35 ", "home = 0.35 "), ("# settle = 0.1 ", "settle = 0.1 ")
+    found = read(*home, ("end = 0.0 ", "#"))
+    assert (found.home, found.waiting) == (0.35, 10)
+    last = found.task.boundary.vias[-1]
+    np.testing.assert_array_equal(last.lower, [-np.inf, 0.0, 0.0])
+    np.testing.assert_array_equal(last.upper, [np.inf, 0.0, 0.0])
+    assert read().home == 0.0
+    assert read().waiting == 0
+    assert found.lasting(0.8).task.intervals == 80
+    with pytest.raises(ValueError, match=r"`knot_period` must divide a motion 0.805 s"):
+        found.lasting(0.805)
+
+
+def test_what_is_wanted_of_the_errors(read):
+    found = read(("# [wanted]\n# M = 0.004", "[wanted]\nM = 0.004\nFc = 0.2"))
+    np.testing.assert_array_equal(found.wanted, [0.004, np.inf, 0.2, np.inf])
+    assert np.all(np.isinf(read().wanted))
+
+
+CODE = """
+import jaxid as jd
+terms = (jd.Term("m", "N s²/m", (1.0, 2.0)), jd.Term("b", "N s/m", (0.0, 1.0), jd.Viscous()))
+axis = jd.System(terms, jd.ConstantBound(0.3), "V")
+def make():
+    return axis
+other = jd.System(terms, jd.ConstantBound(0.3), "N")
+"""
+
+
+@pytest.fixture
+def coded(tmp_path):
+    """A file whose terms are named in Python, next to it."""
+    (tmp_path / "own_axis_code.py").write_text(CODE)
+    text = example("linear")
+    start, end = text.index("# One table per unknown"), text.index("[limits]")
+    control, log = text.index("# What tracks the motion"), text.index("# Which column of")
+    kept = text[:start] + text[end:control] + text[log:]
+
+    def named(name):
+        path = tmp_path / "axis.toml"
+        path.write_text(kept.replace("coordinate =", f'python = "{name}"\ncoordinate =', 1))
+        return path
+
+    return named
+
+
+@pytest.mark.parametrize("name", ["own_axis_code:axis", "own_axis_code:make"])
+def test_python_code_runs_only_if_that_is_allowed(coded, name):
+    path = coded(name)
+    with pytest.raises(ValueError, match=f"names the Python code {name}, which runs only if you"):
+        read_axis(path)
+    assert "own_axis_code" not in sys.modules
+    found = read_axis(path, run_python=True)
+    assert found.system.names == ("m", "b")
+    # (18) of the limits in the file with these terms: (10 − 1·2)/2
+    np.testing.assert_allclose(found.task.limits.acceleration, [-4.0, 4.0])
+    del sys.modules["own_axis_code"]
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("own_axis_code:nothing", "must name a module:object.*no attribute 'nothing'"),
+        ("no_such_module:axis", "must name a module:object.*No module named 'no_such_module'"),
+        ("own_axis_code:terms", "must name a jaxid.System, but own_axis_code:terms is a tuple"),
+        ("own_axis_code:other", "must be linear with an input in V like the file, but is linear"),
+    ],
+)
+def test_python_names_that_are_no_axis(coded, name, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        read_axis(coded(name), run_python=True)
+
+
 def test_one_level_of_the_disturbance_is_enough(read):
     one = read(("slow = 0.25 ", "#"), ("threshold = 0.1 ", "#")).system.disturbance_bound
     assert eqx.tree_equal(one, ConstantBound(0.15))
@@ -109,6 +185,11 @@ def test_one_level_of_the_disturbance_is_enough(read):
         ("[0.08, 0.18]", "[0.18, 0.08]", "lower end below its upper end"),
         ("[0.08, 0.18]", "[0.08, nan]", r"`interval` must be finite.* - at `terms\[0\]`"),
         ("start = 0.0 ", "start = inf ", "`start` must be finite, but is inf - at `motion`"),
+        ("# settle = 0.1 ", "settle = 0.105 ", "`knot_period` must divide `settle` 0.105 s"),
+        ("# settle = 0.1 ", "settle = -0.1 ", "`settle` must be 0 s or more, but is -0.1 s"),
+        ("# [wanted]\n# M = 0.004", "[wanted]\nK = 0.004", "must be one of .*, but is 'K'"),
+        ("# [wanted]\n# M = 0.004", "[wanted]\nM = 0.0", "`wanted` of M must be above zero"),
+        ("coordinate =", 'python = "os:getcwd"\ncoordinate =', "must be said once"),
         ("gain = 1.0", "gain = 0.0", "`gain` must not be zero - at `input`"),
         ("delay = 0 ", "delay = -1 ", "`delay` must be 0 or more, but is -1 - at `input`"),
         ("delay = 0 ", "delay = 0.5 ", "Expected `int`, got `float` - at `input.delay`"),

@@ -1,18 +1,21 @@
 """The command: what it writes and says, and what it refuses without a traceback."""
 
+import hashlib
 import json
 import shutil
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from experiments.linear_motor.designs import TOY, with_starts
-from jaxid import cli
+from jaxid import axis_tradeoff, cli
 from jaxid.appraisal import appraise
-from jaxid.axis_design import FILES
+from jaxid.axis_design import FILES, appraised, in_words
 from jaxid.axis_file import read_axis
 from jaxid.axis_simulate import simulate_axis
-from jaxid.files import read_trajectory
+from jaxid.feasible import interior
+from jaxid.files import read_table, read_trajectory
 from jaxid.floor import floor
 from jaxid.limits import worst_excess
 from jaxid.setpoints import margins, read_setpoints
@@ -53,7 +56,9 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
     """From the file of a rotary axis to files whose numbers are those of the library."""
     path, out = tmp_path / "arm.toml", tmp_path / "arm"
     cli.main(["init", str(path), "--coordinate", "rotary"])
-    cli.main(["design", str(path), "--out", str(out), "--effort", "quick", "--target", "G"])
+    text = path.read_text().replace("# home = 1.0 ", "home = 1.0 ").replace("# settle", "settle")
+    path.write_text(text.replace("# [wanted]", "[wanted]").replace("# J = 0.002", "G = 0.07"))
+    cli.main(["design", str(path), "--out", str(out), "--effort", "quick", "--target", "wanted"])
     said = capsys.readouterr().out
     assert sorted(FILES) == sorted(p.name for p in out.iterdir())
     axis = read_axis(path)
@@ -64,16 +69,73 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
     assert min(left.values()) >= -1e-9
     written = json.loads((out / "design.json").read_text())
     assert written["margins"] == left
-    assert written["target"] == "G"
+    assert written["target"] == "wanted"
+    assert written["parameters"]["G"]["wanted"] == 0.07
+    assert written["axis_sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    # what is played begins at home, rests 0.1 s before the motion, and is the motion from there on
+    points, begins = read_setpoints(out / "setpoints.csv", "rotary"), written["begins_s"]
+    before, at = points.time < begins - 1e-9, points.time - begins
+    assert points.position[0] == 1.0
+    np.testing.assert_allclose(points.position[before & (at >= -0.1)], 0.0, atol=1e-12)
+    desired = motion.states(jnp.asarray(at[~before])).position
+    np.testing.assert_allclose(points.position[~before], desired, atol=1e-12)
+    assert points.time[-1] == pytest.approx(written["ends_s"])
     worth = appraise(system, motion, axis.servo, floor(system, limits))
     for k, name in enumerate(system.names):
         own = written["parameters"][name]
         assert f"{own['guaranteed']:.4g}" in said
+        # an error is at most proportional to δ, and no guarantee is worse than the box
+        half, twice = own["guaranteed_with_delta_times"].values()
+        box = float(system.half_widths[k])
+        assert own["guaranteed"] / 2 * 0.99 <= half <= own["guaranteed"] <= twice <= box
+        assert twice <= 2.01 * own["guaranteed"]
         found = [own["J"], own["guaranteed"], own["floor"]]
         expected = [worth.error[k], worth.guaranteed[k], worth.floor[k]]
         np.testing.assert_allclose(found, expected, rtol=1e-6)
     again = refused(capsys, "design", path, "--out", out, "--effort", "quick")
     assert "design.png would be replaced" in again
+
+
+def hardly_designed(axis, target, seed, effort, report):
+    """In the place of a search, whose result is tested above."""
+    task = axis.task
+    motion = interior(task.limits, task.boundary, task.intervals, task.period)
+    least = floor(axis.system, task.limits)
+    return appraised(axis, target, in_words(seed, effort), motion, least)
+
+
+def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
+    """Two durations and two targets; what was found is kept, and used again."""
+    monkeypatch.setattr(axis_tradeoff, "design_axis", hardly_designed)
+    path, out = tmp_path / "axis.toml", tmp_path / "choice"
+    cli.main(["init", str(path)])
+    asked = ["design", str(path), "--out", str(out), "--effort", "quick", "--horizons", "0.5"]
+    asked += ["0.6", "--target", "M", "all"]
+    cli.main(asked)
+    said = capsys.readouterr().out
+    table = read_table(out / "tradeoff.csv")
+    designs = {(row["target"], float(row["duration_s"])) for row in table}
+    assert designs == {("M", 0.5), ("M", 0.6), ("all", 0.5), ("all", 0.6)}
+    axis = read_axis(path)
+    least = floor(axis.system, axis.task.limits)
+    for row in table:
+        folder = out / f"{row['target']}_{float(row['duration_s']):g}s"
+        assert sorted(FILES) == sorted(p.name for p in folder.iterdir())
+        motion = read_trajectory(folder / "trajectory.csv")
+        assert float(motion.duration) == pytest.approx(float(row["duration_s"]))
+        k = axis.system.names.index(row["parameter"])
+        worth = appraise(axis.system, motion, axis.servo, least)
+        assert float(row["guaranteed"]) == pytest.approx(float(worth.guaranteed[k]), rel=1e-6)
+        assert f"{float(row['guaranteed']):.4g}" in said
+    assert (out / "tradeoff.png").exists()
+    before = (out / "tradeoff.csv").read_text()
+    (out / "tradeoff.csv").unlink()
+    (out / "tradeoff.png").unlink()
+    monkeypatch.setattr(axis_tradeoff, "design_axis", None)  # not called again
+    cli.main(asked)
+    assert (out / "tradeoff.csv").read_text() == before
+    path.write_text(path.read_text() + "# another axis\n")
+    assert "M_0.5s holds the design of another axis" in refused(capsys, *asked, "--force")
 
 
 def test_what_cannot_be_designed_is_said_in_a_sentence(tmp_path, capsys):
@@ -117,6 +179,7 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     path, out = tmp_path / "arm.toml", tmp_path / "arm"
     cli.main(["init", str(path), "--coordinate", "rotary"])
     path.write_text(path.read_text().replace("delay = 0 ", "delay = 2 "))
+    path.write_text(path.read_text().replace("# home = 1.0 ", "home = 0.3 "))
     out.mkdir()
     shutil.copy(figures / "arm_all.csv", out / "trajectory.csv")
     cli.main(["simulate", str(path), str(out), "--plants", "8", "--logs", "2"])
@@ -131,6 +194,8 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
         assert one["least_margin"] == -float(again.excess[name].max())
         assert f"{one['least_margin']:.4g}" in said
     # second truth: the extremes of what was drawn
+    assert float(again.played.duration) > float(motion.duration)  # it begins at home
+    np.testing.assert_allclose(again.drawn.position[:, 0], 0.3)
     y, (low, high) = again.drawn.position[:, 1:], axis.task.limits.position
     beyond = np.maximum(np.max(y, axis=1) - high, low - np.min(y, axis=1)) / ((high - low) / 2)
     np.testing.assert_allclose(again.excess["position"], beyond, rtol=1e-9)

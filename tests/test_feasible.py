@@ -16,7 +16,7 @@ from jaxid.feasible import (
     shortest_feasible,
 )
 from jaxid.files import read_table
-from jaxid.limits import worst_excess
+from jaxid.limits import Boundary, Limits, through, worst_excess
 from jaxid.problem import Problem
 from jaxid.trajectory import uniform
 
@@ -37,6 +37,20 @@ def test_horizon_20_is_proved_infeasible_and_22_is_the_shortest():
     assert error.value.shortest == 44
     assert "proves" in str(error.value)
     assert shortest_feasible(motor.limits(), motor.boundary(), T, multiple=2) == 44
+
+
+def test_a_length_without_any_room_is_not_the_shortest():
+    """With half of the motor's limits 44 intervals reach 0.35 m exactly, and leave nothing."""
+    full = motor.limits()
+    half = Limits(
+        full.position, full.velocity / 2, full.acceleration / 2, full.jerk / 2, full.input
+    )
+    there = Boundary((0.35, 0.0, 0.0), (through((0.0, 0.0, 0.0), at=1.0),))
+    with pytest.raises(InfeasibleError) as error:
+        interior(half, there, 20, T)
+    assert error.value.shortest == 45
+    with pytest.raises(ValueError, match=r"with 44 intervals .* have no interior"):
+        interior(half, there, 44, T)
 
 
 def test_the_largest_reach_at_horizon_20_agrees_with_another_program():

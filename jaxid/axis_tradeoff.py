@@ -1,0 +1,123 @@
+"""Motions for an axis of a file, of several durations and for several targets, compared."""
+
+import json
+from collections.abc import Iterable, Sequence
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from jaxid import report
+from jaxid.axis_design import AxisDesign, appraised, design_axis, in_words, write_design
+from jaxid.axis_file import Axis
+from jaxid.checks import require
+from jaxid.design import Report
+from jaxid.files import Cell, read_trajectory, write_table
+from jaxid.floor import floor
+from jaxid.motion_design import GuaranteedEffort
+
+FILES = ("tradeoff.csv", "tradeoff.png")
+COLUMNS = ("target", "duration_s", "parameter", "unit", "J", "guaranteed", "floor", "gap")
+
+
+def tradeoff(
+    axis: Axis,
+    targets: Sequence[str],
+    durations: Sequence[float],
+    out: Path,
+    seed: int = 0,
+    effort: GuaranteedEffort = GuaranteedEffort(),
+    tell: Report = lambda message: None,
+) -> list[AxisDesign]:
+    """Every target with every duration; each design is kept in a folder of its own when found.
+
+    Args:
+        axis: from a file.
+        targets: as those of `design_axis`.
+        durations: of the motions, s.
+        out: the folder that theirs go into; designs of the same search that are there are used.
+        seed: of each search.
+        effort: of each search.
+        tell: told what goes on.
+
+    Raises:
+        InfeasibleError: if no motion of a duration keeps the limits.
+        ValueError: if a folder holds another design.
+    """
+    asked = [(target, axis.lasting(duration)) for target, duration in product(targets, durations)]
+    folders = [out / f"{target}_{_duration(longer):g}s" for target, longer in asked]
+    for folder, (target, longer) in zip(folders, asked, strict=True):
+        _require_same(folder, longer, target, in_words(seed, effort))
+    found, least = [], floor(axis.system, axis.task.limits)
+    for folder, (target, longer) in zip(folders, asked, strict=True):
+        if not (folder / "design.json").exists():
+            label = folder.name
+            one = design_axis(
+                longer, target, seed, effort, lambda said, label=label: tell(f"{label}: {said}")
+            )
+            write_design(folder, one)
+        motion = read_trajectory(folder / "trajectory.csv", axis.system.coordinate)
+        found.append(appraised(longer, target, in_words(seed, effort), motion, least))
+    return found
+
+
+def write_tradeoff(folder: Path, found: Sequence[AxisDesign]) -> None:
+    """Write `FILES`."""
+    write_table(folder / FILES[0], COLUMNS, rows(found))
+    page(folder / FILES[1], found)
+
+
+def rows(found: Iterable[AxisDesign]) -> list[dict[str, Cell]]:
+    """One per design and parameter."""
+    return [
+        {
+            "target": one.target,
+            "duration_s": _duration(one.axis),
+            "parameter": name,
+            "unit": one.axis.system.units[k],
+            "J": float(one.worth.error[k]),
+            "guaranteed": float(one.worth.guaranteed[k]),
+            "floor": float(one.worth.floor[k]),
+            "gap": float(one.worth.gap[k]),
+        }
+        for one in found
+        for k, name in enumerate(one.axis.system.names)
+    ]
+
+
+def page(path: Path, found: Sequence[AxisDesign]) -> None:
+    """What is guaranteed of each parameter over the duration, one line per target."""
+    system = found[0].axis.system
+    targets = list(dict.fromkeys(one.target for one in found))
+    count = len(system.names)
+    canvas, panels = report.figure(1, count, (3.4 * count, 3.8))
+    for k, (panel, name, unit) in enumerate(zip(panels, system.names, system.units, strict=True)):
+        for target, colour in zip(targets, report.CYCLE, strict=False):
+            own = [one for one in found if one.target == target]
+            time = [_duration(one.axis) for one in own]
+            error = [float(one.worth.guaranteed[k]) for one in own]
+            panel.plot(time, error, "o-", color=colour, label=f"for {target}")
+        least = float(found[0].worth.floor[k])
+        panel.axhline(least, color=report.GREY, linestyle="--", linewidth=1.2, label="floor")
+        report.label(panel, "duration (s)", f"guaranteed ± ({unit})", name)
+    panels[0].legend(fontsize=10)
+    report.save(canvas, path)
+
+
+def _duration(axis: Axis) -> float:
+    return round(axis.task.intervals * axis.task.period, 12)
+
+
+def _require_same(folder: Path, axis: Axis, target: str, search: str) -> None:
+    """Refuse a folder that holds the design of something else."""
+    path = folder / "design.json"
+    if not path.exists():
+        return
+    there = json.loads(path.read_text())
+    same = (axis.digest, target, search) == tuple(
+        there.get(name) for name in ("axis_sha256", "target", "search")
+    )
+    require(
+        same and np.isclose(there["ends_s"] - there["begins_s"], _duration(axis)),
+        f"{folder} holds the design of another axis or search: remove it, or choose another one.",
+    )
