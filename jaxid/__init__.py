@@ -56,9 +56,10 @@ trajectory
     log_rows <- brackets, estimate, log, quantities, ranges, record, regressors, system
     joint <- brackets, checks, log, log_rows, record, system
     modulating <- bound, log_rows
-    feasible_set <- checks, disturbance_bounds, estimate, log_rows, modulating, quantities, \
-record, system
+    feasible_set <- checks, disturbance_bounds, estimate, joint, log, log_rows, modulating, \
+quantities, record, system
     guarantee <- checks, estimate, joint, log, log_rows, modulating, system
+    stretches <- estimate, feasible_set, guarantee, joint, log, system
     foresight <- checks, control, disturbance, log, loop, quantities, sensing, simulate, system, \
 trajectory
     guaranteed_error <- bound, brackets, checks, disturbance_bounds, foresight, guarantee, \
@@ -87,10 +88,10 @@ simulate, system
     axis_design <- appraisal, approach, axis_file, checks, design, feasible_set, files, floor, \
 foresight, guarantee, motion_design, report, setpoints, trajectory
     axis_tradeoff <- axis_design, axis_file, checks, design, files, floor, motion_design, report
-    axis_prior <- axis_file, disturbance_bounds, feasible_set, fit, joint, log, log_file, \
-regressors, steady, system
-    axis_identify <- axis_file, checks, feasible_set, files, fit, guarantee, joint, limits, log, \
-log_file, report, steady, system
+    axis_prior <- axis_file, disturbance_bounds, feasible_set, fit, log, log_file, regressors, \
+steady, system
+    axis_identify <- axis_file, checks, files, fit, guarantee, limits, log, log_file, report, \
+steady, stretches, system
     axis_simulate <- axis_design, axis_file, checks, control, disturbance, files, guarantee, \
 limits, log, loop, report, sensing, simulate, trajectory
     cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, axis_tradeoff, \

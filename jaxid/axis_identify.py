@@ -1,32 +1,28 @@
 """From a recorded log of an axis of a file to intervals, and to whether the log belongs to it."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from jaxid import report
 from jaxid.axis_file import Axis
 from jaxid.checks import require
-from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor
 from jaxid.files import UNITS, write_json
 from jaxid.fit import Fit, fit
-from jaxid.guarantee import Guarantee, assumptions, identify_logs
-from jaxid.joint import read_together
+from jaxid.guarantee import assumptions
 from jaxid.limits import Limits
 from jaxid.log import Log
 from jaxid.log_file import Recorded
 from jaxid.steady import Piece, rows_used, steady
+from jaxid.stretches import STRETCH, Proved, prove
 from jaxid.system import System
 
 FILES = ("result.json", "residuals.png")
-_KNOTS = 3000  # of all pieces together: a linear program of seconds
-_FINE = 12_000  # for δ alone: fewer would let a smaller one seem enough
 _ABSURD = 20.0  # times a limit's half-width, which no stop, amplifier or clock would let pass
 
 
@@ -37,26 +33,15 @@ class Identified(NamedTuple):
         axis: of the file.
         recorded: the log.
         pieces: of it, which were used.
-        factor: the smallest of δ that explains it, as far as one reading shows.
-        contradiction: in what way the log contradicts the axis, if it does.
-        guarantee: unless it does.
-        left: unless it does; all that it leaves possible.
-        unseen: parameters whose interval may remain whole whatever the data, and with which
-            combination of others each can be exchanged.
+        proved: by all of them.
         fit: least squares, if the log tells all parameters apart.
-        coarse: how many ticks share a weight.
     """
 
     axis: Axis
     recorded: Recorded
     pieces: tuple[Piece, ...]
-    factor: float
-    contradiction: str | None
-    guarantee: Guarantee | None
-    left: FeasibleSet | None
-    unseen: dict[str, Float[np.ndarray, " m"]]
+    proved: Proved
     fit: Fit | None
-    coarse: float
 
 
 def identify_axis(
@@ -73,35 +58,11 @@ def identify_axis(
         ValueError: if it cannot be a log of this axis, its rows or its units.
     """
     _require_plausible(recorded, axis.task.limits, axis.system)
-    found = steady(recorded, axis.servo.period, axis.servo.resolution, axis.delay)
-    logs, system = [piece.log for piece in found], axis.system
-    knots, fine = (max(most // len(logs), 2) for most in (_KNOTS, _FINE))
-    tell("smallest δ that explains the log")
-    factor = smallest_factor(lambda s: read_together(louder(system, s), logs), fine)
-    tell("what the motion cannot tell apart")
-    explained = system if factor <= 1 else louder(system, 1.01 * factor)
-    unseen = blind(read_together(explained, logs), knots)
-    told = partial(
-        Identified,
-        axis,
-        recorded,
-        found,
-        factor,
-        unseen=unseen,
-        fit=_fit_if_possible(system, logs),
-        coarse=max(rows_used(found) / (knots * len(logs)), 1.0),
-    )
-    if factor > 1:
-        needed = f"Within the box, disturbances of {factor:.4g} times δ or more would be needed."
-        return told(needed, None, None)
-    try:
-        tell("intervals")
-        guarantee = identify_logs(system, logs, knots)
-        tell("all that is possible")
-        left = feasible_set(guarantee.logged, [guarantee.estimate], knots)
-    except ValueError as contradiction:  # the second reading can see what the first did not
-        return told(str(contradiction), None, None)
-    return told(None, guarantee, left)
+    servo, system = axis.servo, axis.system
+    found = steady(recorded, servo.period, servo.resolution, axis.delay, longest=STRETCH)
+    logs = [piece.log for piece in found]
+    proved = prove(system, logs, tell)
+    return Identified(axis, recorded, found, proved, _fit_if_possible(system, logs))
 
 
 def _fit_if_possible(system: System, logs: Sequence[Log]) -> Fit | None:
@@ -138,21 +99,22 @@ def write_identified(folder: Path, found: Identified) -> None:
 
 def summary(found: Identified) -> dict[str, Any]:
     """For other programs: intervals, or how large δ would have to be, and what all rests on."""
-    axis, system = found.axis, found.axis.system
+    axis, system, proved = found.axis, found.axis.system, found.proved
     logs = [piece.log for piece in found.pieces]
     return {
         "program": f"jaxid {version('jaxid')}",
-        "consistent": found.contradiction is None,
-        "contradiction": found.contradiction,
-        "smallest_factor_of_disturbance_bound": found.factor,
+        "consistent": proved.contradiction is None,
+        "contradiction": proved.contradiction,
+        "smallest_factor_of_disturbance_bound": proved.factor,
         "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
         "not_told_apart": {
             name: dict(zip(system.names, combination.tolist(), strict=True))
-            for name, combination in found.unseen.items()
+            for name, combination in proved.unseen.items()
         },
         "rows": found.recorded.position.size,
         "rows_used": rows_used(found.pieces),
-        "ticks_to_a_weight": found.coarse,
+        "stretches": proved.stretches,
+        "ticks_to_a_weight": proved.coarse,
         "pieces": [
             {
                 "first_row": piece.first + 1,
@@ -173,14 +135,14 @@ def _parameter(found: Identified, k: int) -> dict[str, Any]:
         "prior": [float(system.lower[k]), float(system.upper[k])],
         "least_squares": None if found.fit is None else float(found.fit.theta[k]),
     }
-    if found.guarantee is None or found.left is None:
+    proved, estimate = found.proved, found.proved.estimate
+    if estimate is None:
         return known
-    estimate = found.guarantee.estimate
     return known | {
         "theta_hat": float(estimate.theta[k]),
         "bound": float(estimate.bound[k]),
         "guaranteed": [float(estimate.lower[k]), float(estimate.upper[k])],
-        "possible": [float(found.left.lower[k]), float(found.left.upper[k])],
+        "possible": [float(proved.lower[k]), float(proved.upper[k])],
     }
 
 

@@ -13,9 +13,8 @@ from jaxtyping import Float
 
 from jaxid.axis_file import Axis
 from jaxid.disturbance_bounds import ConstantBound
-from jaxid.feasible_set import louder, smallest_factor
+from jaxid.feasible_set import explaining_factor
 from jaxid.fit import fit
-from jaxid.joint import read_together
 from jaxid.log import Log
 from jaxid.log_file import Recorded
 from jaxid.regressors import Coulomb, OneWay, Sign, Viscous
@@ -25,7 +24,7 @@ from jaxid.system import System, Term
 _SHARE = 0.5  # of the estimate
 _LEAST_INERTIA = 0.1  # of the estimate: it must stay above zero
 MARGIN = 1.25
-_KNOTS = 12_000  # of all rows together: fewer would let a smaller δ seem enough
+_KNOTS = 6000  # of all rows together: fewer would let a smaller δ seem enough
 RULE = (
     f"Each interval is the least-squares estimate, plus and minus {_SHARE:.0%} of it, or what a "
     "disturbance as large as the largest rest of the fit can shift it by, if that is more; inertia "
@@ -90,4 +89,4 @@ def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) ->
     level = float(np.sqrt(np.mean(rest**2))) or 1.0
     unit = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(level))
     knots = max(_KNOTS // len(logs), 2)
-    return level * smallest_factor(lambda factor: read_together(louder(unit, factor), logs), knots)
+    return level * explaining_factor(unit, logs, knots)

@@ -29,7 +29,6 @@ from jaxid.steady import rows_used
 _QUICK = GuaranteedEffort(1, Effort(starts=16, generations=10, rounds=0, polished=1), (1e-3, 1e-4))
 CONTRADICTED = 3  # the exit code
 _SHOWN = 10  # pieces of a log that are named
-_COARSE = 20.0  # ticks to a weight, chosen: the motor loses 0.3 % of M with 20, 1.1 % with 40
 EFFORTS = {"usual": GuaranteedEffort(), "quick": _QUICK}
 
 
@@ -180,17 +179,14 @@ def identify(
         found = identify_axis(known, recorded, line.set_description)
     axis_identify.write_identified(out, found)
     print(_rows_used(found))
-    if found.coarse > _COARSE:
-        print(
-            f"It is long: each weight stands for {found.coarse:.0f} ticks. A shorter part, of some "
-            "strokes only, may prove more."
-        )
+    if found.proved.stretches > 1:
+        print(f"It is long: {found.proved.stretches} stretches of it were read one by one.")
     print(_intervals(found))
-    for name, combination in found.unseen.items():
+    for name, combination in found.proved.unseen.items():
         print(f"{name} cannot be told apart from others: {_exchange(found, combination)}")
     print("This rests on:", *axis_identify.summary(found)["rests_on"], sep="\n  ")
     print(f"Written to {out}: {', '.join(axis_identify.FILES)}")
-    if found.guarantee is None:
+    if found.proved.contradiction:
         raise SystemExit(CONTRADICTED)
 
 
@@ -263,20 +259,21 @@ def _rows_used(found: Identified) -> str:
 
 def _intervals(found: Identified) -> str:
     system = found.axis.system
-    if found.guarantee is None or found.left is None:
-        return f"The log contradicts the axis. {found.contradiction} No interval is printed."
+    proved, estimate = found.proved, found.proved.estimate
+    if estimate is None:
+        return f"The log contradicts the axis. {proved.contradiction} No interval is printed."
     header = ("parameter", "unit", "prior", "guaranteed", "possible")
     pairs = (
         (system.lower, system.upper),
-        (found.guarantee.estimate.lower, found.guarantee.estimate.upper),
-        (found.left.lower, found.left.upper),
+        (estimate.lower, estimate.upper),
+        (proved.lower, proved.upper),
     )
     columns = [
         [f"{low:.5g} … {high:.5g}" for low, high in zip(*map(np.asarray, pair), strict=True)]
         for pair in pairs
     ]
     rows = list(zip(system.names, system.units, *columns, strict=True))
-    title = f"What the log proves; it could be explained with {found.factor:.3g}·δ, not with less"
+    title = f"What the log proves; it could be explained with {proved.factor:.3g}·δ, not with less"
     return text_table(header, rows, title)
 
 

@@ -11,6 +11,7 @@ number is computed from its weights; no tolerance of a solver is in it.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -23,6 +24,8 @@ from scipy.optimize import linprog
 from jaxid.checks import require
 from jaxid.disturbance_bounds import Scaled
 from jaxid.estimate import Estimate
+from jaxid.joint import read_together
+from jaxid.log import Log
 from jaxid.log_rows import ROUNDED, Logged
 from jaxid.modulating import Program, pieces
 from jaxid.quantities import Scalar
@@ -30,8 +33,11 @@ from jaxid.record import Record
 from jaxid.system import System
 
 _DIRECTIONS = 48  # of a projection
-_FACTORS = (1e-3, 1e3)  # of δ that are looked at
+LEAST, _MOST = 1e-3, 1e3  # factors of δ that are looked at
 _CLOSE = 1e-3  # relative, of the smallest one
+_COARSE = 1000  # knots, to begin with
+_WIDER = 1.03  # times the factor that few knots find: all find 2 or 3 % more of the motor's
+_TINY = 1e-6
 
 
 class FeasibleSet(NamedTuple):
@@ -126,34 +132,81 @@ def projection(
     return corners[..., 0] * size
 
 
-def smallest_factor(rows: Callable[[Scalar], Logged], knots: int | None = None) -> float:
+def smallest_factor(
+    rows: Callable[[Scalar], Logged], knots: int | None = None, least: float = LEAST
+) -> float:
     """The smallest s, to 0.1 %, for which s·δ may explain the data; below it no plant can.
 
     Args:
         rows: the data as rows, with δ multiplied by a factor; for a log its brackets depend on it.
         knots: of the weights, at most; default all rows.
+        least: what is returned if already it explains them.
     """
 
-    def explains(factor: float) -> bool:
+    def needed(factor: float, count: int) -> float:
+        """Of a multiple of δ once more; infinite where not even the brackets have room."""
         try:
             logged = rows(jnp.asarray(factor))
-        except ValueError:  # not even its brackets have room
-            return False
-        return _needed(logged, *_program(logged, knots)) <= 1.0
+        except ValueError:
+            return np.inf
+        return _needed(logged, *_program(logged, count))
 
-    low, high = _FACTORS
-    loudest = rows(jnp.asarray(high))  # what is wrong whatever δ is says so itself
-    require(
-        _needed(loudest, *_program(loudest, knots)) <= 1.0,
-        f"Argument `rows`: even {high:g}·δ does not explain the data; an input, a unit or a sign "
-        "must be wrong.",
-    )
-    if explains(low):
-        return low
-    while high > low * (1 + _CLOSE):
-        middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if explains(middle) else (middle, high)
+    size = rows(
+        jnp.asarray(_MOST)
+    ).record.rows.delta.size  # what is wrong with any δ says so itself
+    wanted = size if knots is None else min(knots, size)
+    low, high, n_low = least, least, np.inf
+    for count in dict.fromkeys((min(_COARSE, wanted), wanted)):  # what few see, all would see
+        while (n_high := needed(high, count)) > 1.0:
+            require(
+                high < _MOST,
+                f"Argument `rows`: even {_MOST:g}·δ does not explain the data; an input, a unit or "
+                "a sign must be wrong.",
+            )
+            low, n_low = high, n_high
+            high = min(high * max(n_high, _WIDER), _MOST)
+        low, high = _closed_in(partial(needed, count=count), (low, n_low), (high, n_high))
     return high
+
+
+def explaining_factor(
+    system: System, logs: Sequence[Log], knots: int | None = None, least: float = LEAST
+) -> float:
+    """`smallest_factor` of the δ of a system, for logs of it: above 1 they contradict it.
+
+    Args:
+        system: its box and δ.
+        logs: of one axis.
+        knots: of the weights, at most, for each log; default all rows.
+        least: what is returned if already it explains them.
+    """
+    return smallest_factor(lambda s: read_together(louder(system, s), logs), knots, least)
+
+
+def _closed_in(
+    needed: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
+) -> tuple[float, float]:
+    """Factors a thousandth apart, of which one does not explain the data and the other may.
+
+    By turns: a false position on logarithms, a step next to it, and a bisection.
+
+    Args:
+        needed: of a factor, how much more of δ it would take.
+        low: a factor that does not, and what it would take.
+        high: a factor that does, likewise.
+    """
+    step, moved = 0, high
+    while high[0] > low[0] * (1 + _CLOSE):
+        at = float(np.sqrt(low[0] * high[0]))
+        if step % 3 == 0 and np.isfinite(low[1]):
+            up, down = np.log(low[1]), -np.log(max(high[1], _TINY))
+            at = low[0] * (high[0] / low[0]) ** float(np.clip(up / (up + down), 0.01, 0.99))
+        elif step % 3 == 1:
+            at = high[0] / (1 + _CLOSE) if moved is high else low[0] * (1 + _CLOSE)
+        moved = at, needed(at)
+        low, high = (low, moved) if moved[1] <= 1.0 else (moved, high)
+        step += 1
+    return low[0], high[0]
 
 
 def louder(system: System, factor: Scalar | float) -> System:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from jaxid.checks import require
 from jaxid.estimate import Estimate
@@ -70,7 +71,7 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
     alone = [_read(system, system, [log], knots).estimate for log in several]
     narrow = narrowed(system, *alone) if alone else system
     together = _read(narrow, system, logs, knots)
-    return Guarantee(_best([together.estimate, *alone]), together.logged)
+    return Guarantee(best([together.estimate, *alone]), together.logged)
 
 
 def _read(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Guarantee:
@@ -88,7 +89,7 @@ def _once(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Gu
     return Guarantee(guaranteed(logged, weights), logged)
 
 
-def _best(found: Sequence[Estimate]) -> Estimate:
+def best(found: Sequence[Estimate]) -> Estimate:
     """Of each parameter the one with the least bound; what all intervals have in common."""
     if len(found) == 1:
         return found[0]
@@ -146,6 +147,15 @@ def narrowed(system: System, *found: Estimate) -> System:
     """
     lower = functools.reduce(jnp.maximum, [one.lower for one in found])
     upper = functools.reduce(jnp.minimum, [one.upper for one in found])
+    return within(system, lower, upper)
+
+
+def within(system: System, lower: Float[Array, " m"], upper: Float[Array, " m"]) -> System:
+    """The system with another box.
+
+    Raises:
+        ValueError: if an interval is empty.
+    """
     for name, low, high in zip(system.names, lower, upper, strict=True):
         require(
             float(low) <= float(high),

@@ -1,6 +1,7 @@
 """A recorded log cut into pieces whose rows are one period apart, each of them a `Log`."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -26,7 +27,11 @@ class Piece(NamedTuple):
 
 
 def steady(
-    recorded: Recorded, period: float, resolution: float, delay: int = 0
+    recorded: Recorded,
+    period: float,
+    resolution: float,
+    delay: int = 0,
+    longest: int | None = None,
 ) -> tuple[Piece, ...]:
     """All pieces whose time stamps miss equal steps by a tenth of the period at most.
 
@@ -38,6 +43,7 @@ def steady(
         period: of the servo, s.
         resolution: of the encoder, m or rad.
         delay: periods until a command acts.
+        longest: rows of a piece, at most; default any number.
 
     Raises:
         ValueError: if no piece is long enough, or the rows are not a servo period apart.
@@ -50,7 +56,8 @@ def steady(
     close = whole[1:] & whole[:-1] & (np.abs(steps - period) <= 2 * JITTER * period)
     found = [
         _piece(recorded, time, part, resolution, delay)
-        for run in _runs(close)
+        for whole_run in _runs(close)
+        for run in _cut(whole_run, longest)
         for part in _straight(time, run)
         if part[1] - part[0] - delay > _LEAST
     ]
@@ -84,6 +91,14 @@ def _runs(close: Bool[np.ndarray, " steps"]) -> Iterator[tuple[int, int]]:
     edges = np.diff(np.pad(close, 1).astype(int))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     return zip(starts.tolist(), (stops + 1).tolist(), strict=True)
+
+
+def _cut(run: tuple[int, int], longest: int | None) -> Iterator[tuple[int, int]]:
+    """In equal parts; the tick between two of them counts for neither."""
+    first, stop = run
+    count = 1 if longest is None else -(-(stop - first) // longest)
+    edges = np.linspace(first, stop, count + 1).round().astype(int).tolist()
+    return pairwise(edges)
 
 
 def _straight(time: Float[np.ndarray, " n"], run: tuple[int, int]) -> Iterator[tuple[int, int]]:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import axis_identify, cli
+from jaxid import cli, stretches
 from jaxid import linear_motor as motor
 from jaxid.axis_file import example, read_axis
 from jaxid.axis_identify import FILES, identify_axis
@@ -86,7 +86,7 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     time, u, q = rows.T
     recorded = Recorded(time * 1e-3, q * 1e-6, u * -0.5)
     pieces = steady(recorded, axis.servo.period, axis.servo.resolution, DELAY)
-    own = identify_logs(axis.system, [piece.log for piece in pieces], 3000 // len(pieces))
+    own = identify_logs(axis.system, [piece.log for piece in pieces], 1000 // len(pieces))
     bounds = [one["bound"] for one in found["parameters"].values()]
     np.testing.assert_allclose(bounds, own.estimate.bound, rtol=1e-9)
     assert bounds[0] < 0.0039  # the whole log proves 0.0036
@@ -115,7 +115,7 @@ def test_a_contradiction_of_the_second_reading_is_one_too(tmp_path, log, monkeyp
     def refused(*arguments):
         raise ValueError("no M in its prior interval can have left it.")
 
-    monkeypatch.setattr(axis_identify, "identify_logs", refused)
+    monkeypatch.setattr(stretches, "identify_logs", refused)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["identify", *written(tmp_path, rows_of(log)[:600])])
     assert stopped.value.code == 3
@@ -178,9 +178,9 @@ def test_a_log_of_any_motion_will_do(tmp_path):
     (tmp_path / "axis.toml").write_text(example("linear"))
     recorded = Recorded(None, np.asarray(log.position)[:-1], np.asarray(log.input))
     found = identify_axis(read_axis(tmp_path / "axis.toml"), recorded)
-    assert np.all((found.left.lower <= TRUTH) & (found.left.upper >= TRUTH))
-    assert found.factor < 1
-    assert found.coarse == 1.0
+    assert np.all((found.proved.lower <= TRUTH) & (found.proved.upper >= TRUTH))
+    assert found.proved.factor < 1
+    assert found.proved.stretches == 1
     # what is left of the input is not more than δ but for what least squares shift
     assert np.max(np.abs(found.fit.rest)) < 2 * 0.25
     assert np.max(np.abs(found.fit.velocity)) == pytest.approx(

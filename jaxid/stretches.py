@@ -1,0 +1,148 @@
+"""Many or long logs, stretch by stretch: each read with the box that those before it leave.
+
+All of them together are one linear program, which takes minutes where its stretches take seconds.
+It is solved in the end, with fewer weights to a tick, if the logs are not too long. From longer
+ones, what only several stretches together could tell apart remains untold.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxid.estimate import Estimate
+from jaxid.feasible_set import LEAST, blind, explaining_factor, feasible_set, louder
+from jaxid.guarantee import best, identify_logs, within
+from jaxid.joint import read_together
+from jaxid.log import Log
+from jaxid.system import System
+
+STRETCH = 8192  # ticks at most: linear programs of a second
+_MANY = 100  # logs to a stretch, at most
+WHOLE = 50_000  # ticks at most that are read together as well
+_KNOTS = 1000  # of a stretch: ten times as many gain nothing of the motor's intervals
+_TOGETHER = 3000  # knots
+_FINER = 3  # for δ alone: with fewer weights a smaller one seems enough, by 1 % for the motor
+
+
+class Proved(NamedTuple):
+    """What logs say of an axis.
+
+    Attributes:
+        factor: the smallest of δ that explains every stretch, as far as one reading shows.
+        contradiction: in what way the logs contradict the axis, if they do.
+        estimate: unless they do.
+        lower: ends of all that they leave possible, unless they contradict the axis.
+        upper: likewise.
+        unseen: parameters whose interval may remain whole whatever the data, and with which
+            combination of others each can be exchanged.
+        stretches: how many.
+        coarse: how many ticks share a weight.
+    """
+
+    factor: float
+    contradiction: str | None
+    estimate: Estimate | None
+    lower: Float[Array, " m"]
+    upper: Float[Array, " m"]
+    unseen: dict[str, Float[np.ndarray, " m"]]
+    stretches: int
+    coarse: float
+
+
+def prove(
+    system: System, logs: Sequence[Log], tell: Callable[[str], None] = lambda message: None
+) -> Proved:
+    """Read logs of one axis, as many together as are a stretch.
+
+    Args:
+        system: its box and δ.
+        logs: one at least; none longer than `STRETCH`.
+        tell: told what goes on.
+    """
+    found, parts = _Reading(system), tuple(stretches(logs))
+    for number, part in enumerate(parts, 1):
+        label = f"stretch {number} of {len(parts)}: " if len(parts) > 1 else ""
+        found.read(part, lambda said, label=label: tell(label + said))
+    if len(parts) > 1 and _ticks(logs) <= WHOLE:
+        found.narrow(logs, max(_TOGETHER // len(logs), 2), lambda said: tell(f"together: {said}"))
+    return found.result(len(parts))
+
+
+def stretches(logs: Sequence[Log]) -> Iterator[list[Log]]:
+    """Logs one after the other, as many as are read together."""
+    part: list[Log] = []
+    for log in logs:
+        if part and (_ticks([*part, log]) > STRETCH or len(part) == _MANY):
+            yield part
+            part = []
+        part.append(log)
+    yield part
+
+
+class _Reading:
+    """What is known so far."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.known = system
+        self.factor = LEAST
+        self.contradiction: str | None = None
+        self.estimates: list[Estimate] = []
+        self.unseen: dict[str, Float[np.ndarray, " m"]] | None = None
+        self.coarse = 1.0
+
+    def read(self, logs: list[Log], tell: Callable[[str], None]) -> None:
+        """One more stretch."""
+        knots = max(_KNOTS // len(logs), 2)
+        self.coarse = max(self.coarse, _ticks(logs) / (knots * len(logs)))
+        tell("smallest δ that explains it")
+        self.factor = explaining_factor(self.system, logs, _FINER * knots, self.factor)
+        if self.unseen is None or self.unseen:
+            tell("what the motion cannot tell apart")
+            self._look(logs, knots)
+        self.narrow(logs, knots, tell)
+
+    def narrow(self, logs: Sequence[Log], knots: int, tell: Callable[[str], None]) -> None:
+        """The box, unless something contradicts the axis."""
+        if self.factor > 1 or self.contradiction:
+            return
+        try:
+            tell("intervals")
+            found = identify_logs(self.known, logs, knots)
+            tell("all that is possible")
+            left = feasible_set(found.logged, [found.estimate], knots)
+        except ValueError as contradiction:  # this reading can see what the first did not
+            self.contradiction = str(contradiction)
+        else:
+            self.estimates.append(found.estimate)
+            self.known = within(self.known, left.lower, left.upper)
+
+    def result(self, count: int) -> Proved:
+        """Of all stretches."""
+        if self.factor > 1:
+            needed = f"disturbances of {self.factor:.4g} times δ or more would be needed"
+            self.contradiction = f"Within the box, {needed}."
+        estimate = None if self.contradiction else best(self.estimates)
+        return Proved(
+            self.factor,
+            self.contradiction,
+            estimate,
+            self.known.lower,
+            self.known.upper,
+            self.unseen or {},
+            count,
+            self.coarse,
+        )
+
+    def _look(self, logs: list[Log], knots: int) -> None:
+        """What no stretch tells apart; with the last one's combinations."""
+        explained = self.system if self.factor <= 1 else louder(self.system, 1.01 * self.factor)
+        now = blind(read_together(explained, logs), knots)
+        before = now if self.unseen is None else self.unseen
+        self.unseen = {name: now[name] for name in now if name in before}
+
+
+def _ticks(logs: Sequence[Log]) -> int:
+    return sum(log.input.size for log in logs)

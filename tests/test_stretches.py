@@ -1,0 +1,112 @@
+"""A log read stretch by stretch: truths inside, nothing wider than from a stretch alone."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import linear_motor as motor
+from jaxid import stretches as room
+from jaxid.experiment import log_of, run
+from jaxid.files import read_trajectory
+from jaxid.log import Log
+from jaxid.sensing import Encoder
+from jaxid.stretches import prove, stretches
+
+TRUTH = np.array(motor.TRUE_PARAMETERS)
+PERIOD = motor.CONTROL_PERIOD
+
+
+@pytest.fixture(scope="module")
+def parts(figures):
+    """Four logs of 749 ticks, cut from one of the motor."""
+    motion = read_trajectory(figures / "trajectory_minimax.csv")
+    encoder = Encoder(motor.ENCODER_RESOLUTION)
+    _, signals = run(motor.plant(), motor.controller(), encoder, motion, PERIOD)
+    whole = log_of(signals, encoder, PERIOD)
+    return [cut(whole, first, 749) for first in range(0, 2996, 749)]
+
+
+def cut(log, first, ticks):
+    input, position = log.input[first : first + ticks], log.position[first : first + ticks + 1]
+    return Log(input, position, log.period, log.resolution)
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    monkeypatch.setattr(room, "STRETCH", 1500)
+
+
+def test_logs_are_read_as_many_together_as_are_a_stretch(parts):
+    assert [len(part) for part in stretches(parts)] == [2, 2]
+    assert [log for part in stretches(parts) for log in part] == parts
+    assert [len(part) for part in stretches([*parts, cut(parts[0], 0, 3)])] == [2, 2, 1]
+    many = [cut(parts[0], k, 4) for k in range(250)]
+    assert [len(part) for part in stretches(many)] == [100, 100, 50]
+
+
+def test_stretches_prove_what_the_whole_does(parts, monkeypatch):
+    told = []
+    found = prove(motor.system(), parts, told.append)
+    assert found.contradiction is None
+    assert (found.stretches, found.coarse) == (2, pytest.approx(1498 / 1000))
+    assert told[0] == "stretch 1 of 2: smallest δ that explains it"
+    estimate = found.estimate
+    for lower, upper in ((estimate.lower, estimate.upper), (found.lower, found.upper)):
+        assert np.all((lower <= TRUTH) & (upper >= TRUTH))
+    assert np.all((found.lower >= estimate.lower) & (found.upper <= estimate.upper))
+    # no wider than either half alone
+    monkeypatch.setattr(room, "STRETCH", 10_000)
+    for half in (parts[:2], parts[2:]):
+        alone = prove(motor.system(), half)
+        assert np.all((found.lower >= alone.lower - 1e-9) & (found.upper <= alone.upper + 1e-9))
+    whole = prove(motor.system(), parts)
+    assert whole.stretches == 1
+    widths = (found.upper - found.lower) / (whole.upper - whole.lower)
+    assert np.all(widths < 1.01), widths
+    # without reading both together too, what only they tell apart remains untold
+    monkeypatch.setattr(room, "STRETCH", 1500)
+    monkeypatch.setattr(room, "WHOLE", 2000)
+    apart = prove(motor.system(), parts)
+    assert np.all((apart.lower <= TRUTH) & (apart.upper >= TRUTH))
+    widths = (apart.upper - apart.lower) / (whole.upper - whole.lower)
+    assert np.all(widths < 1.5), widths
+    assert np.any(widths > 1.1), widths
+
+
+def test_one_bad_stretch_contradicts_the_axis(parts):
+    """0.6 V more for a while, which no δ of 0.25 V explains; the factor is that of this stretch."""
+    first, second, third, last = parts
+    pushed = Log(third.input.at[300:600].add(0.6), third.position, PERIOD, third.resolution)
+    found = prove(motor.system(), [first, second, pushed, last])
+    assert found.estimate is None
+    assert "times δ or more would be needed" in found.contradiction
+    alone = prove(motor.system(), [pushed, last])
+    assert found.factor == pytest.approx(alone.factor, rel=2e-3)
+    assert found.factor > 1.0
+
+
+def test_stretches_that_contradict_one_another(parts):
+    """Each log alone has a plant of the box, but the second one another mass."""
+    system, heavy = motor.system(), 1.45
+
+    def scaled(log, factor):
+        return Log(factor * log.input, log.position, PERIOD, log.resolution)
+
+    other = [scaled(log, heavy) for log in parts[:2]]
+    assert prove(system, other).contradiction is None
+    found = prove(system, [*parts[:2], *other])
+    assert found.factor <= 1.0
+    assert "can have left it" in found.contradiction
+    assert found.estimate is None
+
+
+def test_what_one_stretch_tells_apart_is_told_apart(parts):
+    """A stretch at one speed leaves M unseen; another one does not."""
+    n, speed = 1200, 0.5
+    u = jnp.full(n, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
+    y = jnp.round((0.1 + speed * PERIOD * jnp.arange(n + 1)) / 1e-6) * 1e-6
+    slow = Log(u, y, PERIOD, 1e-6)
+    assert "M" in prove(motor.system(), [slow]).unseen
+    found = prove(motor.system(), [slow, *parts[:2]])
+    assert found.stretches == 2
+    assert not found.unseen
