@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm emps crosscheck bench bench-design test check clean
+.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
@@ -35,6 +35,10 @@ sequential: $(READY)  ## three experiments, each under limits that the ones befo
 
 arm: $(READY)  ## the second axis: designs, how good they are, and what one run proves; three minutes
 	$(BIN)/python -m experiments.one_link_arm
+
+examples: $(READY)  ## a pendulum with an objective of its own, a cart with cogging; three minutes
+	$(BIN)/python -m experiments.pendulum
+	$(BIN)/python -m experiments.cart
 
 emps: $(READY)  ## what a real record proves: make emps DATA=…/DATA_EMPS.mat; four minutes
 	$(BIN)/python -m experiments.emps --data $(DATA)

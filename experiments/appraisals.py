@@ -6,6 +6,7 @@ from jaxid.appraisal import Appraisal
 from jaxid.files import Cell
 
 Row = dict[str, Cell]
+WORTH = ("J_lse", "guaranteed", "floor", "gap")  # columns
 
 
 def rows_of(worth: Mapping[str, Appraisal], label: str, names: tuple[str, ...]) -> list[Row]:

@@ -23,6 +23,7 @@ from scipy.io import loadmat
 from scipy.signal import butter, filtfilt
 from tqdm import tqdm
 
+from experiments.examples import needed
 from experiments.linear_motor.designs import TOY, with_starts
 from experiments.toys import Toys
 from jaxid import report
@@ -30,12 +31,10 @@ from jaxid.appraisal import appraise
 from jaxid.design import Effort
 from jaxid.disturbance_bounds import ConstantBound
 from jaxid.estimate import Estimate
-from jaxid.feasible_set import louder, smallest_factor
 from jaxid.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.floor import floor
 from jaxid.foresight import Servo
 from jaxid.guarantee import assumptions, identify_log, identify_logs
-from jaxid.joint import read_together
 from jaxid.limits import Boundary, Limits, acceleration_limit, through
 from jaxid.log import Log
 from jaxid.log_file import Columns, Recorded, read_log
@@ -194,11 +193,6 @@ def studied(name: str, model: Callable[[float], System], laps: Sequence[Log]) ->
     alone = [identify_log(chosen, log, KNOTS).estimate for log in laps]
     together = identify_logs(chosen, laps, KNOTS).estimate
     return Result(name, smallest, chosen, later, alone, together)
-
-
-def needed(axis: System, logs: Sequence[Log]) -> float:
-    """The smallest factor of δ that explains logs with one θ, by all weights on their rows."""
-    return smallest_factor(lambda factor: read_together(louder(axis, factor), logs))
 
 
 def rows_of(result: Result) -> Iterator[dict[str, Cell]]:

@@ -14,52 +14,36 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from experiments.appraisals import rows_of
+from experiments.appraisals import WORTH, rows_of
+from experiments.examples import PROVED, Example, interval_rows, logged, save_table
 from experiments.linear_motor.designs import TOY, with_starts
 from experiments.processes import each
-from experiments.toys import Toys
 from jaxid import one_link_arm as arm
 from jaxid import report
 from jaxid.appraisal import Appraisal, appraise
 from jaxid.design import Effort
-from jaxid.estimate import Estimate
-from jaxid.experiment import log_of, run
-from jaxid.files import Cell as Value
-from jaxid.files import read_trajectory, write_table, write_trajectory
+from jaxid.files import read_trajectory, write_trajectory
 from jaxid.floor import floor
 from jaxid.guarantee import assumptions, identify_log
 from jaxid.motion_design import design_guaranteed, design_motion
 from jaxid.problem import Task
-from jaxid.report import text_table
 from jaxid.runtime import configure
-from jaxid.sensing import Encoder
 from jaxid.trajectory import JerkTrajectory
 
 ALL = "all"  # the largest guaranteed error over the floor
 INTERVALS = 50  # of 20 ms: one second
-COLUMNS = ("design", "parameter", "J_lse", "guaranteed", "floor", "gap")
-PROVED = ("parameter", "theta_true", "lower", "upper")
-
-Row = dict[str, Value]
+COLUMNS = ("design", "parameter", *WORTH)
 
 
 @dataclass(frozen=True)
-class Study(Toys):
+class Study(Example):
     """Six designs for the arm.
 
     Attributes:
-        out: the folder that the tables, the figure and the motions are written to.
-        seed: of all searches.
         processes: how many run side by side; the results do not depend on it.
-        redraw: use the motions in `out` instead of searching.
-        toy: search hardly at all: only shows that everything runs.
     """
 
-    out: Path = Path("figures")
-    seed: int = 0
     processes: int = 2
-    redraw: bool = False
-    toy: bool = False
 
     def path(self, design: str) -> Path:
         """Of a motion."""
@@ -76,15 +60,12 @@ def main(study: Study) -> None:
     motions = {design: read_trajectory(study.path(design), system.coordinate) for design in designs}
     least = floor(system, arm.limits())
     worth = {name: appraise(system, motion, arm.servo(), least) for name, motion in motions.items()}
-    proved, rests = experiment(motions[ALL])
-    tables = {
-        "arm": (COLUMNS, rows_of(worth, "design", system.names)),
-        "arm_proved": (PROVED, intervals(proved)),
-    }
-    for name, (columns, rows) in tables.items():
-        write_table(study.named(f"{name}.csv"), columns, rows)
-        print(text_table(columns, [[row[c] for c in columns] for row in rows]), end="\n\n")
-    print("These intervals rest on:", *rests, sep="\n  ")
+    save_table(study.named("arm.csv"), COLUMNS, rows_of(worth, "design", system.names))
+    log = logged(arm.plant(), arm.controller(), arm.servo(), motions[ALL])
+    proved = identify_log(system, log).estimate
+    rows = interval_rows(system, arm.TRUE_PARAMETERS, proved)
+    save_table(study.named("arm_proved.csv"), PROVED, rows)
+    print("These intervals rest on:", *assumptions(system, log), sep="\n  ")
     draw(study.named("arm.png"), motions[ALL], worth)
 
 
@@ -99,24 +80,6 @@ def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
     targets = floor(system, task.limits).value
     servo, tries = arm.servo(), with_starts(effort)
     return design, design_guaranteed(system, task, targets, key, servo, effort=tries)
-
-
-def experiment(motion: JerkTrajectory) -> tuple[Estimate, tuple[str, ...]]:
-    """One run on the simulated arm: what its log proves, and what that rests on."""
-    system, servo = arm.system(), arm.servo()
-    encoder = Encoder(servo.resolution)
-    _, signals = run(arm.plant(), arm.controller(), encoder, motion, servo.period)
-    log = log_of(signals, encoder, servo.period)
-    return identify_log(system, log).estimate, assumptions(system, log)
-
-
-def intervals(proved: Estimate) -> list[Row]:
-    """Of every parameter, beside the truth."""
-    ends = zip(arm.TRUE_PARAMETERS, proved.lower.tolist(), proved.upper.tolist(), strict=True)
-    return [
-        {"parameter": name, "theta_true": truth, "lower": lower, "upper": upper}
-        for name, (truth, lower, upper) in zip(arm.system().names, ends, strict=True)
-    ]
 
 
 def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Appraisal]) -> None:
