@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test check clean
+.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test long check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.linear_motor
@@ -40,7 +40,7 @@ examples: $(READY)  ## a pendulum with an objective of its own, a cart with cogg
 	$(BIN)/python -m experiments.pendulum
 	$(BIN)/python -m experiments.cart
 
-emps: $(READY)  ## what a real record proves: make emps DATA=…/DATA_EMPS.mat; four minutes
+emps: $(READY)  ## what a real record proves: make emps DATA=…/DATA_EMPS.mat; three minutes
 	$(BIN)/python -m experiments.emps --data $(DATA)
 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
@@ -54,6 +54,9 @@ bench-design: $(BENCH)  ## the design search beside IPOPT, cell by cell; 15 minu
 
 test: $(READY)  ## every promise
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+
+long: $(READY)  ## a log of 200 MB, read in little memory; twenty minutes
+	JAXID_LONG_LOG=200 $(BIN)/python -m pytest tests/test_long_log.py
 
 check: $(READY)  ## lint and types
 	$(BIN)/ruff check

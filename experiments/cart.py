@@ -27,11 +27,11 @@ from experiments.examples import (
     draw_intervals,
     interval_rows,
     logged,
-    needed,
     save_table,
 )
 from jaxid import report
 from jaxid.disturbance import Cogging, LowSpeedFriction, Mixture
+from jaxid.feasible_set import explaining_factor
 from jaxid.fit import fit
 from jaxid.runtime import configure
 from jaxid.trajectory import JerkTrajectory
@@ -127,7 +127,7 @@ def main(options: Example) -> None:
     logs = {name: logged(plant(), controller(), SERVO, motion) for name, motion in motions.items()}
     readings = {}
     for motion, (model, axis) in product(motions, models.items()):
-        smallest = DELTA[model] * needed(axis, [logs[motion]], KNOTS)
+        smallest = DELTA[model] * explaining_factor(axis, [logs[motion]], KNOTS)
         worth = jd.appraise(axis, motions[motion], SERVO, floors[model])
         proved = jd.identify_log(axis, logs[motion]).estimate
         readings[motion, model] = Reading(smallest, worth, proved)

@@ -23,7 +23,6 @@ from scipy.io import loadmat
 from scipy.signal import butter, filtfilt
 from tqdm import tqdm
 
-from experiments.examples import needed
 from experiments.linear_motor.designs import TOY, with_starts
 from experiments.toys import Toys
 from jaxid import report
@@ -31,6 +30,7 @@ from jaxid.appraisal import appraise
 from jaxid.design import Effort
 from jaxid.disturbance_bounds import ConstantBound
 from jaxid.estimate import Estimate
+from jaxid.feasible_set import explaining_factor
 from jaxid.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.floor import floor
 from jaxid.foresight import Servo
@@ -187,9 +187,9 @@ def studied(name: str, model: Callable[[float], System], laps: Sequence[Log]) ->
         model: for a δ.
         laps: of the record.
     """
-    smallest = needed(model(1.0), laps[:2])
+    smallest = explaining_factor(model(1.0), laps[:2])
     chosen = model(MARGIN * smallest)
-    later = needed(chosen, laps[2:])
+    later = explaining_factor(chosen, laps[2:])
     alone = [identify_log(chosen, log, KNOTS).estimate for log in laps]
     together = identify_logs(chosen, laps, KNOTS).estimate
     return Result(name, smallest, chosen, later, alone, together)

@@ -15,10 +15,8 @@ from jaxid.control import Controller
 from jaxid.design import Effort
 from jaxid.estimate import Estimate
 from jaxid.experiment import log_of, run
-from jaxid.feasible_set import louder, smallest_factor
 from jaxid.files import read_trajectory, write_table, write_trajectory
 from jaxid.foresight import Servo
-from jaxid.joint import read_together
 from jaxid.log import Log
 from jaxid.motion_design import GuaranteedEffort
 from jaxid.sensing import Encoder
@@ -77,17 +75,6 @@ def logged(plant: Plant, controller: Controller, servo: Servo, motion: JerkTraje
     encoder = Encoder(servo.resolution)
     _, signals = run(plant, controller, encoder, motion, servo.period)
     return log_of(signals, encoder, servo.period)
-
-
-def needed(axis: System, logs: Sequence[Log], knots: int | None = None) -> float:
-    """The smallest factor of δ that explains logs with one θ.
-
-    Args:
-        axis: with the δ that is multiplied.
-        logs: of it.
-        knots: of the weights that may contradict, at most; default all rows.
-    """
-    return smallest_factor(lambda factor: read_together(louder(axis, factor), logs), knots)
 
 
 def interval_rows(axis: System, truth: Sequence[float], proved: Estimate) -> list[Row]:

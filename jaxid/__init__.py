@@ -78,7 +78,7 @@ system, trajectory
     blocks <- checks, files
     sweep <- checks, control, disturbance, estimate, feasible, filters, quantities, record, \
 sensing, simulate, system, trajectory
-    dataset <- files, sweep
+    dataset <- control, files, sweep
     report <- files, trajectory
     runtime <- checks
     linear_motor <- control, disturbance, disturbance_bounds, foresight, limits, regressors, \
@@ -94,8 +94,10 @@ steady, system
 steady, stretches, system
     axis_simulate <- axis_design, axis_file, checks, control, disturbance, files, guarantee, \
 limits, log, loop, report, sensing, simulate, trajectory
-    cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, axis_tradeoff, \
-checks, design, files, log_file, motion_design, report, runtime, steady
+    axis_sweep <- axis_design, axis_file, blocks, checks, control, dataset, disturbance, files, \
+report, runtime, sensing, sweep, trajectory
+    cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, axis_sweep, \
+axis_tradeoff, checks, design, files, log_file, motion_design, report, runtime, steady
 """
 
 from jaxid.appraisal import Appraisal, appraise
@@ -105,12 +107,21 @@ from jaxid.bound import Norm, infinity
 from jaxid.brackets import Brackets, brackets
 from jaxid.control import ARC, OpenLoop, PDFeedforward
 from jaxid.design import Design, Effort, design
+from jaxid.disturbance import Cogging, LowSpeedFriction, Mixture
 from jaxid.disturbance_bounds import ConstantBound, SpeedBand
 from jaxid.estimate import Estimate, estimate
 from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
 from jaxid.experiment import identify, log_of, run
 from jaxid.feasible import InfeasibleError
-from jaxid.feasible_set import FeasibleSet, blind, feasible_set, louder, smallest_factor, unlogged
+from jaxid.feasible_set import (
+    FeasibleSet,
+    blind,
+    explaining_factor,
+    feasible_set,
+    louder,
+    smallest_factor,
+    unlogged,
+)
 from jaxid.floor import Floor, floor
 from jaxid.foresight import Servo, foreseen
 from jaxid.guarantee import Guarantee, assumptions, identify_log, identify_logs
@@ -127,14 +138,16 @@ from jaxid.log import Log
 from jaxid.loop import Loop, Sampled, Scenarios
 from jaxid.minimax import Optimum, minimax
 from jaxid.motion_design import GuaranteedEffort, design_guaranteed, design_motion
-from jaxid.objective import FilteredError, ThroughLoop, planned_error
+from jaxid.objective import FilteredError, PlannedError, ThroughLoop, planned_error
 from jaxid.problem import Problem, Task
 from jaxid.refine import refine
 from jaxid.regressors import Constant, Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
+from jaxid.runtime import configure
 from jaxid.sensing import Encoder, IdealSensor
 from jaxid.setpoints import Setpoints, margins, read_setpoints, sampled, write_setpoints
 from jaxid.simulate import Plant
 from jaxid.system import System, Term
+from jaxid.trajectory import JerkTrajectory
 from jaxid.tube import Tube, cells
 
 __all__ = [
@@ -144,6 +157,7 @@ __all__ = [
     "Axis",
     "Boundary",
     "Brackets",
+    "Cogging",
     "Constant",
     "ConstantBound",
     "Coulomb",
@@ -162,16 +176,20 @@ __all__ = [
     "GuaranteedError",
     "IdealSensor",
     "InfeasibleError",
+    "JerkTrajectory",
     "LeastSquares",
     "Limits",
     "Log",
     "Loop",
+    "LowSpeedFriction",
     "Minimax",
+    "Mixture",
     "Norm",
     "OneWay",
     "OpenLoop",
     "Optimum",
     "PDFeedforward",
+    "PlannedError",
     "Plant",
     "Problem",
     "Sampled",
@@ -196,10 +214,12 @@ __all__ = [
     "blind",
     "brackets",
     "cells",
+    "configure",
     "design",
     "design_guaranteed",
     "design_motion",
     "estimate",
+    "explaining_factor",
     "feasible_set",
     "floor",
     "foreseen",

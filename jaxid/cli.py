@@ -10,7 +10,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from jaxid import axis_design, axis_identify, axis_prior, axis_simulate, axis_tradeoff
+from jaxid import axis_design, axis_identify, axis_prior, axis_simulate, axis_sweep, axis_tradeoff
 from jaxid.axis_design import ALL, AxisDesign, design_axis
 from jaxid.axis_file import Axis, Coordinate, example, read_axis
 from jaxid.axis_identify import Identified, identify_axis
@@ -23,7 +23,7 @@ from jaxid.files import read_trajectory, write_bytes
 from jaxid.log_file import Columns, read_log
 from jaxid.motion_design import GuaranteedEffort
 from jaxid.report import text_table
-from jaxid.runtime import configure
+from jaxid.runtime import configure, connect, processors
 from jaxid.steady import rows_used
 
 _QUICK = GuaranteedEffort(1, Effort(starts=16, generations=10, rounds=0, polished=1), (1e-3, 1e-4))
@@ -154,6 +154,48 @@ def simulate(
     print(f"Written to {design}: {', '.join(axis_simulate.FILES)}")
 
 
+def sweep(
+    axis: tyro.conf.Positional[Path],
+    design: tyro.conf.Positional[Path],
+    bandwidths: tuple[float, ...] = axis_sweep.BANDWIDTHS,
+    factors: tuple[float, ...] = axis_sweep.FACTORS,
+    plants: int = 3,
+    seed: int = 0,
+    force: bool = False,
+    run_python: bool = False,
+) -> None:
+    """Which filter, which gains, which motion? Closed loops with many of them, as one data set.
+
+    It goes on where it was stopped. Example: jaxid sweep slide.toml choice
+
+    Args:
+        axis: the file that describes it; its table [controller] says what tracks the motions.
+        design: the folder of `jaxid design`, for one motion or for several.
+        bandwidths: of the first-order filter of input and regressors, rad/s.
+        factors: of the feedback gains.
+        plants: random ones of the box, beside its corners.
+        seed: of these and of what disturbs them.
+        force: replace files that are there.
+        run_python: run the module that the file of the axis names.
+    """
+    _keep([design / name for name in axis_sweep.FILES], force)
+    connect(processors())
+    known = read_axis(axis, run_python=run_python)
+    with tqdm(unit="block") as line:
+
+        def tell(done: int, total: int) -> None:
+            line.total = total
+            line.update(done - line.n)
+
+        found = axis_sweep.sweep_axis(known, design, bandwidths, factors, plants, seed, tell)
+    axis_sweep.write_sweep(design, found)
+    header = ("designed for", "duration_s", "parameter", "best w (rad/s)", "worst J_f", "unit")
+    print(text_table(header, axis_sweep.summary(found), "Least squares, worst of all scenarios"))
+    diverged = int(np.isinf(found.tracking_error).sum())
+    print(f"{int(found.tracking_error.count())} closed loops, seed {seed}; {diverged} diverge.")
+    print(f"Written to {design}: {', '.join(axis_sweep.FILES)}")
+
+
 def identify(
     axis: tyro.conf.Positional[Path],
     log: tyro.conf.Positional[Path],
@@ -201,9 +243,11 @@ def main(arguments: list[str] | None = None) -> None:
                 "design": design,
                 "simulate": simulate,
                 "identify": identify,
+                "sweep": sweep,
             },
             prog="jaxid",
-            description="From limits of a machine axis to guaranteed intervals of its parameters.",
+            description="From limits of a machine axis to guaranteed intervals of its parameters. Exit "
+            "codes: 0 done, 1 refused, 2 not understood, 3 the log contradicts the axis, 130 stopped.",
             args=arguments,
         )
     except (ValueError, OSError) as error:

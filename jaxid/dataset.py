@@ -8,12 +8,26 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Shaped
 
+from jaxid.control import ARC, PDFeedforward
 from jaxid.files import UNITS
-from jaxid.sweep import Grid
+from jaxid.sweep import Grid, law
 
 LOOP = ("design", "horizon", "gains", "scenario")
 FILTERED = (*LOOP, "bandwidth", "parameter")
 
+# dimensions, what it is, and its unit, of the gains of every law
+_GAINS: Mapping[type, Mapping[str, tuple[str | tuple[str, ...], str, str]]] = {
+    ARC: {
+        "k1": ("gains", "k₁ of (19)", "1/s"),
+        "k2": ("gains", "k₂ of (25)", "{u} s/{y}"),
+        "epsilon": ("gains", "ε of (26)", "{u} {y}/s"),
+        "gamma": (("gains", "parameter"), "diagonal of Γ of (22)", "SI"),
+    },
+    PDFeedforward: {
+        "kp": ("gains", "what the position error is multiplied by", "{u}/{y}"),
+        "kd": ("gains", "what the velocity error is multiplied by", "{u} s/{y}"),
+    },
+}
 _VERSIONS = ("jaxid", "jax", "jaxlib", "equinox", "numpy", "xarray")
 _PER_PARAMETER = "that of the parameter, see `unit`"
 
@@ -27,12 +41,14 @@ class Labels:
         horizons: of the axis; those without a motion are left empty.
         gains: one per controller.
         scenarios: one per scenario.
+        horizon: what the horizons are, and their unit.
     """
 
-    motions: Sequence[tuple[str, int]]
-    horizons: Sequence[int]
+    motions: Sequence[tuple[str, int | float]]
+    horizons: Sequence[int | float]
     gains: Sequence[str]
     scenarios: Sequence[str]
+    horizon: tuple[str, str] = ("N_i, half the intervals of a motion", "1")
 
     @property
     def designs(self) -> list[str]:
@@ -90,7 +106,7 @@ def _quantities(grid: Grid) -> dict[str, tuple[tuple[str, ...], dict[str, str]]]
 
 
 def _coordinates(grid: Grid, labels: Labels) -> dict[str, object]:
-    system, arc, truths = grid.system, grid.controllers, grid.truths
+    system, known, truths = grid.system, law(grid.controllers), grid.truths
     length, force = UNITS[system.coordinate], system.input_unit
 
     def numbers(dims: str | tuple[str, ...], values: object, text: str, unit: str) -> object:
@@ -98,7 +114,7 @@ def _coordinates(grid: Grid, labels: Labels) -> dict[str, object]:
 
     return {
         "design": ("design", labels.designs, {"long_name": "what the motion was designed for"}),
-        "horizon": numbers("horizon", labels.horizons, "N_i, half the intervals of a motion", "1"),
+        "horizon": numbers("horizon", labels.horizons, *labels.horizon),
         "gains": ("gains", list(labels.gains), {"long_name": "gains of the controller"}),
         "scenario": ("scenario", list(labels.scenarios), {"long_name": "the axis as it truly is"}),
         "bandwidth": numbers("bandwidth", grid.bandwidths, "w of the filter H_f", "rad/s"),
@@ -107,10 +123,10 @@ def _coordinates(grid: Grid, labels: Labels) -> dict[str, object]:
         "half_width": numbers(
             "parameter", system.half_widths, "half the width of the prior box", _PER_PARAMETER
         ),
-        "k1": numbers("gains", arc.k1, "k₁ of (19)", "1/s"),
-        "k2": numbers("gains", arc.k2, "k₂ of (25)", f"{force} s/{length}"),
-        "epsilon": numbers("gains", arc.epsilon, "ε of (26)", f"{force} {length}/s"),
-        "gamma": numbers(("gains", "parameter"), arc.gamma, "diagonal of Γ of (22)", "SI"),
+        **{
+            name: numbers(dims, getattr(known, name), text, unit.format(u=force, y=length))
+            for name, (dims, text, unit) in _GAINS[type(known)].items()
+        },
         "theta": numbers(
             ("scenario", "parameter"), truths.theta, "true parameters", _PER_PARAMETER
         ),

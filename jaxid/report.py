@@ -179,7 +179,8 @@ def heat_map(
     """
     ordinary = values[np.isfinite(values) & (values <= highest)]
     if ends is None:
-        ends = (ordinary.min(), ordinary.max()) if ordinary.size else (1.0, 1.0)
+        top = min(highest, 1.0)  # of colours that no value has
+        ends = (ordinary.min(), ordinary.max()) if ordinary.size else (top / 2, top)
     norm = (LogNorm if logarithmic else Normalize)(*ends)
     colours = colormaps["viridis"].with_extremes(over=ORANGE)
     shown = np.ma.masked_invalid(values)

@@ -23,7 +23,8 @@ _MANY = 100  # logs to a stretch, at most
 WHOLE = 50_000  # ticks at most that are read together as well
 _KNOTS = 1000  # of a stretch: ten times as many gain nothing of the motor's intervals
 _TOGETHER = 3000  # knots
-_FINER = 3  # for δ alone: with fewer weights a smaller one seems enough, by 1 % for the motor
+_FINER = 3  # for δ alone: with fewer weights a smaller one seems enough, by 2 % for the motor
+_FAR = 0.5  # of δ: nothing that finer weights would see of it contradicts the axis
 
 
 class Proved(NamedTuple):
@@ -98,7 +99,10 @@ class _Reading:
         knots = max(_KNOTS // len(logs), 2)
         self.coarse = max(self.coarse, _ticks(logs) / (knots * len(logs)))
         tell("smallest δ that explains it")
-        self.factor = explaining_factor(self.system, logs, _FINER * knots, self.factor)
+        for count in (knots, _FINER * knots):
+            self.factor = explaining_factor(self.system, logs, count, self.factor)
+            if self.factor < _FAR:
+                break
         if self.unseen is None or self.unseen:
             tell("what the motion cannot tell apart")
             self._look(logs, knots)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxid.checks import require
-from jaxid.control import ARC
+from jaxid.control import ARC, Controller, Delayed, PDFeedforward
 from jaxid.disturbance import AgainstTracking, Disturbance, Mixture, random_shares
 from jaxid.estimate import least_squares_estimate
 from jaxid.feasible import padded
@@ -54,7 +54,8 @@ class Grid(eqx.Module):
         own: the disturbance that a truth may hold a share of; a function of the state.
         motions: stacked, padded to one number of intervals.
         ticks: of each motion, run once.
-        controllers: stacked.
+        controllers: stacked, all of one kind.
+        rates: k₁ of each, the adversary pushing ė + k₁e away from zero, 1/s.
         truths: stacked.
         bandwidths: w of H_f, rad/s.
         period: of the controllers, s.
@@ -68,7 +69,8 @@ class Grid(eqx.Module):
     own: Disturbance
     motions: JerkTrajectory
     ticks: Int[Array, " motions"]
-    controllers: ARC
+    controllers: Controller
+    rates: Float[Array, " controllers"]
     truths: Truth
     bandwidths: Float[Array, " w"]
     period: Scalar
@@ -79,7 +81,7 @@ class Grid(eqx.Module):
     @property
     def shape(self) -> tuple[int, int, int]:
         """How many motions, controllers and scenarios."""
-        return self.ticks.size, self.controllers.k1.size, self.truths.own.size
+        return self.ticks.size, self.rates.size, self.truths.own.size
 
     @property
     def count(self) -> int:
@@ -92,7 +94,7 @@ def grid(
     sensor: Sensor,
     own: Disturbance,
     motions: Sequence[JerkTrajectory],
-    controllers: Sequence[ARC],
+    controllers: Sequence[Controller],
     truths: Sequence[Truth],
     bandwidths: Sequence[float],
     period: float,
@@ -113,6 +115,7 @@ def grid(
         _stacked([padded(motion, intervals) for motion in motions]),
         jnp.asarray(lengths),
         _stacked(controllers),
+        jnp.stack([jnp.asarray(_rate(controller)) for controller in controllers]),
         _stacked(truths),
         jnp.asarray(bandwidths, float),
         jnp.asarray(period, float),
@@ -142,7 +145,7 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
     controller = _entry(grid.controllers, gains)
     noise = random_shares(jax.random.fold_in(jax.random.key(grid.seed), index), grid.size)
     disturbance = Mixture(
-        (grid.own, noise, AgainstTracking(controller.k1)),
+        (grid.own, noise, AgainstTracking(grid.rates[gains])),
         jnp.stack([true.own, true.random, true.against]),
     )
     plant = Plant(grid.system, true.theta, disturbance)
@@ -150,6 +153,27 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
     # all of the record: a loop that diverges after its motion would spoil 0·x of the measure
     record = jax.tree.map(lambda column: jnp.where(running, column, 0.0), record)
     return _identified(grid, record, true.theta) | _extremes(signals, running)
+
+
+def law(controller: Controller) -> ARC | PDFeedforward:
+    """What commands, whenever its commands act.
+
+    Raises:
+        ValueError: if it has no gains that a sweep knows.
+    """
+    if isinstance(controller, Delayed):
+        controller = controller.controller
+    if not isinstance(controller, ARC | PDFeedforward):
+        raise ValueError(
+            "Argument `controllers` must be ARC or PDFeedforward, delayed or not, but one is "
+            f"{type(controller).__name__}."
+        )
+    return controller
+
+
+def _rate(controller: Controller) -> Scalar:
+    known = law(controller)
+    return known.k1 if isinstance(known, ARC) else known.kp / known.kd
 
 
 def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[str, Array]:

@@ -8,6 +8,7 @@ import pytest
 
 from experiments import emps
 from jaxid.appraisal import appraise
+from jaxid.feasible_set import explaining_factor
 from jaxid.files import read_table, read_trajectory
 from jaxid.floor import floor
 from jaxid.foresight import Servo
@@ -54,9 +55,9 @@ def test_the_intervals_in_the_table_are_those_of_the_record(recorded, table):
 def test_a_smaller_disturbance_than_the_data_need_is_refused(recorded):
     """The smallest δ of the first lap is between 5 and 12 N; a lap is not explained with 5 N."""
     log = emps.laps_of(recorded, emps.LAP)[0]
-    factor = emps.needed(emps.system(5.0), [log])
+    factor = explaining_factor(emps.system(5.0), [log])
     assert 1.0 < factor < 12.0 / 5.0
-    assert emps.needed(emps.by_direction(5.0), [log]) < 0.9 * factor
+    assert explaining_factor(emps.by_direction(5.0), [log]) < 0.9 * factor
 
 
 @at_hand
@@ -102,6 +103,6 @@ def test_the_designed_motion_keeps_its_limits_and_is_worth_what_is_said(figures,
         assert said["designed", name] == pytest.approx(float(guaranteed), rel=1e-6)
         # of the offset neither is 1e-4 above the floor
         assert said["designed", name] < said["lap 1 of the record", name] * (1 + 1e-5)
-        assert 0 <= gap < 0.02
+        assert 0 <= gap < 0.03
     assert said["designed", "M"] < 0.8 * said["lap 1 of the record", "M"]
     assert jnp.all(worth.guaranteed <= axis.half_widths)

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments import cart, pendulum
-from experiments.examples import Example, logged, needed
+from experiments.examples import Example, logged
 from jaxid.disturbance import Moment
+from jaxid.feasible_set import explaining_factor
 from jaxid.files import read_table, read_trajectory
 from jaxid.guarantee import identify_log
 from jaxid.limits import worst_excess
@@ -110,7 +111,7 @@ def test_cogging_that_is_left_out_is_contradicted(figures):
     motion = read_trajectory(figures / f"cart_{cart.IN_DELTA}.csv")
     log = logged(cart.plant(), cart.controller(), cart.SERVO, motion)
     left_out = cart.in_delta(cart.REST)
-    assert needed(left_out, [log], cart.KNOTS) > 2
+    assert explaining_factor(left_out, [log], cart.KNOTS) > 2
     with pytest.raises(ValueError, match="contradict each other around tick"):
         identify_log(left_out, log)
 

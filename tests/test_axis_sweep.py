@@ -1,0 +1,101 @@
+"""What a sweep of an axis of a file says is what its closed loops do."""
+
+import json
+import shutil
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import axis_sweep, cli
+from jaxid.axis_design import played
+from jaxid.axis_file import example, read_axis
+from jaxid.control import ARC, Delayed, OpenLoop, PDFeedforward
+from jaxid.disturbance import NoDisturbance
+from jaxid.estimate import least_squares_estimate
+from jaxid.files import read_dataset, read_trajectory
+from jaxid.filters import filtered
+from jaxid.loop import Loop
+from jaxid.sensing import Encoder
+from jaxid.simulate import Plant
+from jaxid.sweep import law
+from jaxid.trajectory import ticks
+from tests.processes import finish, start
+
+PROGRAM = "import sys; from jaxid.cli import main; main(sys.argv[1:])"
+
+
+@pytest.fixture
+def folder(figures, tmp_path):
+    """A design of the arm, which starts from home, and whose commands act a period late."""
+    text = example("rotary").replace("# home = 1.0 ", "home = 0.1 ")
+    (tmp_path / "arm.toml").write_text(text.replace("delay = 0 ", "delay = 1 "))
+    own = tmp_path / "choice" / "all_1s"
+    own.mkdir(parents=True)
+    shutil.copy(figures / "arm_all.csv", own / "trajectory.csv")
+    (own / "design.json").write_text(json.dumps({"target": "all"}))
+    return tmp_path
+
+
+def test_a_folder_of_designs_is_swept(folder):
+    arguments = ["sweep", folder / "arm.toml", folder / "choice", "--plants", "1"]
+    arguments += ["--factors", "1", "0.5", "--bandwidths", "20", "200"]
+    (said,) = finish(start("-c", PROGRAM, *arguments, JAX_ENABLE_COMPILATION_CACHE="0"))
+    assert "10 closed loops, seed 0; 0 diverge." in said
+    found = read_dataset(folder / "choice" / "sweep.nc")
+    assert all((folder / "choice" / name).exists() for name in axis_sweep.FILES)
+    assert not (folder / "choice" / "sweep.blocks").exists()
+    assert dict(found.sizes) == {
+        "design": 1, "horizon": 1, "gains": 2, "scenario": 5, "bandwidth": 2, "parameter": 5,
+    }  # fmt: skip
+    assert found.kp.attrs["units"] == "N m/rad"
+    np.testing.assert_array_equal(found.kp, [8.0, 4.0])
+    assert float(found.horizon[0]) == 1.0
+    # second truth: the loop by itself, undisturbed, in the middle of the box
+    axis = read_axis(folder / "arm.toml")
+    motion = read_trajectory(folder / "choice" / "all_1s" / "trajectory.csv", "rotary")
+    whole, period = played(axis, motion), axis.servo.period
+    assert float(whole.duration) > 1.05
+    loop = Loop(Delayed(axis.controller, 1), Encoder(1e-5), period, ticks(whole, period))
+    record, signals = loop(Plant(axis.system, axis.system.centre, NoDisturbance()), whole)
+    one = found.sel(design="all", gains="× 1", scenario="middle of the box, no Δ").squeeze()
+    error = jnp.abs(signals.position[:-1] - signals.reference.position)
+    assert float(one.tracking_error) == pytest.approx(float(jnp.max(error)), rel=1e-6)
+    expected = least_squares_estimate(filtered(record, 200.0, period), axis.system).bound
+    np.testing.assert_allclose(one.bound.sel(bandwidth=200.0), expected, rtol=1e-6)
+    # what is printed is the worst of all scenarios, with the better bandwidth
+    for target, duration, name, w, worst, _ in axis_sweep.summary(found):
+        own = found.bound.sel(design=target, horizon=duration, parameter=name, gains="× 1")
+        assert worst == float(own.max("scenario").min("bandwidth"))
+        assert worst == float(own.sel(bandwidth=w).max("scenario"))
+        assert f"{worst:.4g}" in said
+
+
+def test_gains_are_scaled_whatever_the_law(folder):
+    axis = read_axis(folder / "arm.toml")
+    twice = axis_sweep.scaled(Delayed(axis.controller, 3), 2.0)
+    assert (twice.periods, float(law(twice).kp), float(law(twice).kd)) == (3, 16.0, 1.0)
+    arc = ARC(axis.system, 10.0, 2.0, 0.1, jnp.zeros(5))
+    half = axis_sweep.scaled(arc, 0.5)
+    assert (float(half.k1), float(half.k2), float(half.epsilon)) == (5.0, 1.0, 0.1)
+    assert isinstance(law(axis.controller), PDFeedforward)
+    with pytest.raises(ValueError, match="must be ARC or PDFeedforward"):
+        law(OpenLoop(jnp.zeros(3)))
+
+
+def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
+    monkeypatch.setattr(cli, "connect", lambda devices: None)  # these devices are in use already
+    path = folder / "arm.toml"
+
+    def said(*arguments):
+        with pytest.raises(SystemExit) as stopped:
+            cli.main(["sweep", str(path), *map(str, arguments)])
+        assert stopped.value.code == 1
+        return capsys.readouterr().err.splitlines()[-1]
+
+    assert "must hold designs of jaxid design" in said(folder)
+    text = path.read_text()
+    path.write_text(text[: text.index("[controller]")] + text[text.index("[log]") :])
+    assert "must have a table [controller] to be swept" in said(folder / "choice")
+    (folder / "choice" / "sweep.nc").write_text("mine")
+    assert "would be replaced" in said(folder / "choice")

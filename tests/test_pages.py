@@ -1,0 +1,58 @@
+"""The pages that people read: what they name exists, and what they tell to type can be typed."""
+
+import functools
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from jaxid import cli
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+GALLERY = (ROOT / "figures" / "README.md").read_text()
+MAKEFILE = (ROOT / "Makefile").read_text()
+COMMANDS = re.findall(r"^\.venv/bin/jaxid (.*)$", README, re.M)
+
+
+def test_every_figure_is_in_the_gallery_once_with_the_command_that_made_it():
+    shown = re.findall(r"^!\[.+\]\((\S+\.png)\)$", GALLERY, re.M)
+    there = sorted(path.name for path in (ROOT / "figures").glob("*.png"))
+    assert sorted(shown) == there
+    for part in GALLERY.split("\n## ")[1:]:
+        title, _, rest = part.partition("\n")
+        assert re.fullmatch(r"`make \w+( DATA=\S+)?`: .+", title), title
+        assert "![" in rest
+
+
+@pytest.mark.parametrize("page", [README, GALLERY], ids=["README", "gallery"])
+def test_every_make_target_that_is_named_exists(page):
+    targets = set(re.findall(r"make ([a-z-]+)[ `(\n]", page)) - {"and", "the"}
+    assert targets
+    for target in targets:
+        assert re.search(rf"^{target}:", MAKEFILE, re.M), target
+
+
+def test_every_file_that_the_readme_names_is_there():
+    named = set(re.findall(r"`([a-z0-9_]+\.(?:csv|png|nc))`", README))
+    assert len(named) > 20
+    missing = [name for name in named if not (ROOT / "figures" / name).exists()]
+    assert not missing
+
+
+def test_the_commands_of_the_readme_can_be_typed(monkeypatch):
+    """Their words mean something; what they then do is tested command by command."""
+    called = []
+    for name in ("init", "prior", "design", "simulate", "identify", "sweep"):
+        function = getattr(cli, name)
+
+        @functools.wraps(function)
+        def noted(*arguments, name=name, **named):
+            called.append(name)
+
+        monkeypatch.setattr(cli, name, noted)
+    for command in COMMANDS:
+        cli.main(shlex.split(command, comments=True))
+    assert set(called) == {"init", "prior", "design", "simulate", "identify", "sweep"}
+    assert len(called) == len(COMMANDS)
