@@ -85,19 +85,20 @@ sensing, simulate, system, trajectory
 simulate, system
     one_link_arm <- control, disturbance, disturbance_bounds, foresight, limits, regressors, \
 simulate, system
-    axis_design <- appraisal, approach, axis_file, checks, design, feasible_set, files, floor, \
-foresight, guarantee, motion_design, report, setpoints, trajectory
-    axis_tradeoff <- axis_design, axis_file, checks, design, files, floor, motion_design, report
+    axis_design <- appraisal, approach, axis_file, checks, design, feasible, feasible_set, files, \
+floor, foresight, guarantee, motion_design, report, setpoints, trajectory
+    axis_tradeoff <- axis_design, axis_file, checks, design, files, floor, limits, motion_design, \
+report
     axis_prior <- axis_file, disturbance_bounds, feasible_set, fit, log, log_file, regressors, \
-steady, system
-    axis_identify <- axis_file, checks, files, fit, guarantee, limits, log, log_file, report, \
-steady, stretches, system
+report, steady, system
+    axis_identify <- axis_file, checks, feasible_set, files, fit, guarantee, limits, log, \
+log_file, report, steady, stretches, system
     axis_simulate <- axis_design, axis_file, checks, control, disturbance, files, guarantee, \
 limits, log, loop, report, sensing, simulate, trajectory
     axis_sweep <- axis_design, axis_file, blocks, checks, control, dataset, disturbance, files, \
 report, runtime, sensing, sweep, trajectory
     cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, axis_sweep, \
-axis_tradeoff, checks, design, files, log_file, motion_design, report, runtime, steady
+axis_tradeoff, checks, design, files, log_file, motion_design, runtime
 """
 
 from jaxid.appraisal import Appraisal, appraise

@@ -17,8 +17,8 @@ _WHOLE = 1e-9  # intervals, by which rounding may miss a whole number of them
 def approach(limits: Limits, home: float, start: float, period: float) -> JerkTrajectory:
     """From rest to rest with at most half of the speed, acceleration and jerk allowed.
 
-    Seven phases of jerk J, 0, −J, 0, −J, 0, J, as short as whole intervals allow; it never leaves
-    the way from one end to the other.
+    Seven phases of jerk J, 0, −J, 0, −J, 0, J: the shortest in continuous time, each rounded up to
+    whole intervals. It stays on the way from one end to the other.
 
     Args:
         limits: kept.

@@ -15,6 +15,7 @@ from jaxid.approach import approach, joined, wait
 from jaxid.axis_file import Axis
 from jaxid.checks import require
 from jaxid.design import Report
+from jaxid.feasible import interior
 from jaxid.feasible_set import louder
 from jaxid.files import write_json, write_trajectory
 from jaxid.floor import Floor, floor
@@ -22,14 +23,16 @@ from jaxid.foresight import foreseen
 from jaxid.guarantee import assumptions, identify_log
 from jaxid.motion_design import GuaranteedEffort, design_guaranteed
 from jaxid.setpoints import margins, read_setpoints, sampled, write_setpoints
-from jaxid.trajectory import JerkTrajectory, ticks
+from jaxid.trajectory import JerkTrajectory
 
 ALL = "all"  # parameters at once, each error over its floor
 WANTED = "wanted"  # those of the file, each error over what is wanted
 FILES = (
     "trajectory.csv", "setpoints.csv", "setpoints.mat", "setpoints.h", "design.json", "design.png",
 )  # fmt: skip
+PROGRAM = f"jaxid {version('jaxid')}"
 _TITLES = {ALL: "all parameters", WANTED: "the errors that are wanted"}
+_ROUNDED = 1e-6  # half-widths: what differences of rounded positions may be beyond
 FACTORS = (0.5, 2.0)  # of δ, for which it is shown too what could be guaranteed
 
 
@@ -75,13 +78,37 @@ def design_axis(
         ValueError: if the target is none, or the axis cannot come to the start of a motion.
     """
     system, task, servo = axis.system, axis.task, axis.servo
-    ticks(lead_in(axis, task.boundary.start), servo.period)  # refused before the search
+    require_possible(axis, target)
     report("floor of every parameter")
     least = floor(system, task.limits)
     targets, key = _targets(axis, target, least), jax.random.key(seed)
     motion = design_guaranteed(system, task, targets, key, servo, effort=effort, report=report)
     report("what it is worth")
     return appraised(axis, target, in_words(seed, effort), motion, least)
+
+
+def require_possible(axis: Axis, target: str) -> None:
+    """Refuse before a search what it would end in.
+
+    Raises:
+        InfeasibleError: if no motion keeps the limits.
+        ValueError: if the target is none, or an approach does not end with a tick of the servo.
+    """
+    task, period = axis.task, axis.servo.period
+    if target == WANTED:
+        require(
+            bool(jnp.any(jnp.isfinite(axis.wanted))),
+            f"Argument `target` must not be {WANTED} unless the axis says what is wanted.",
+        )
+    elif target != ALL:
+        axis.system.index(target)
+    before = float(lead_in(axis, task.boundary.start).duration) / period
+    require(
+        abs(before - round(before)) < 1e-6,
+        f"`knot_period` must be a multiple of the servo's period {period:g} s for an approach, but "
+        f"is {task.period:g} s.",
+    )
+    interior(task.limits, task.boundary, task.intervals, task.period)
 
 
 def in_words(seed: int, effort: GuaranteedEffort) -> str:
@@ -120,6 +147,10 @@ def write_design(folder: Path, found: AxisDesign) -> dict[str, float]:
     for name in FILES[1:4]:
         write_setpoints(folder / name, points, coordinate)
     left = margins(read_setpoints(folder / "setpoints.csv", coordinate), axis.task.limits)
+    require(
+        min(left.values()) >= -_ROUNDED,
+        f"The exported positions leave the limits: {left}, in half-widths.",
+    )
     page(folder / "design.png", found)
     write_json(folder / "design.json", summary(found, left))  # last: then all is there
     return left
@@ -130,7 +161,7 @@ def summary(found: AxisDesign, left: dict[str, float]) -> dict[str, Any]:
     axis, system, motion = found.axis, found.axis.system, found.motion
     begins = float(lead_in(axis, motion.start).duration)
     return {
-        "program": f"jaxid {version('jaxid')}",
+        "program": PROGRAM,
         "axis_sha256": axis.digest,
         "target": found.target,
         "search": found.search,
@@ -164,13 +195,26 @@ def _targets(axis: Axis, target: str, least: Floor) -> Float[Array, " m"]:
     if target == ALL:
         return least.value
     if target == WANTED:
-        require(
-            bool(jnp.any(jnp.isfinite(axis.wanted))),
-            f"Argument `target` must not be {WANTED} unless the axis says what is wanted.",
-        )
         return axis.wanted
     k = axis.system.index(target)
     return jnp.full_like(least.value, jnp.inf).at[k].set(least.value[k])
+
+
+def text(found: AxisDesign, left: dict[str, float]) -> str:
+    """For people."""
+    system, worth = found.axis.system, found.worth
+    twice = FACTORS.index(2.0)
+    header = ["parameter", "unit", "J", "guaranteed", "floor", "gap", "with 2·δ"]
+    columns = [worth.error, worth.guaranteed, worth.floor, worth.gap, found.sensitivity[twice]]
+    cells: list[list[float | None]] = [column.tolist() for column in columns]
+    wanted = found.axis.wanted.tolist()
+    if np.any(np.isfinite(wanted)):
+        header.append("wanted")
+        cells.append([None if np.isinf(x) else x for x in wanted])
+    rows = list(zip(system.names, system.units, *cells, strict=True))
+    margins = ", ".join(f"{name} {x:.2%}" for name, x in left.items())
+    title = "What its log can be expected to prove"
+    return f"{report.text_table(header, rows, title)}\nLeft of the limits: {margins}"
 
 
 def page(path: Path, found: AxisDesign) -> None:

@@ -4,7 +4,7 @@ The file is data. It never runs code, whatever is in it, unless who reads it all
 """
 
 import hashlib
-import importlib
+import importlib.util
 import sys
 from importlib import resources
 from pathlib import Path
@@ -39,7 +39,7 @@ class Axis(NamedTuple):
             file does not say.
         home: where it rests before it is moved to the start of a motion, m or rad.
         waiting: knot periods of rest at that start.
-        digest: SHA-256 of the file.
+        digest: SHA-256 of the file, and of the module that it names.
     """
 
     system: System
@@ -76,7 +76,7 @@ def read_axis(path: Path, *, run_python: bool = False) -> Axis:
     try:
         tables = msgspec.toml.decode(data, type=AxisTables)
         system = _system(tables, path, run_python)
-        return _axis(tables, system, hashlib.sha256(data).hexdigest())
+        return _axis(tables, system, hashlib.sha256(data + _code(tables, path)).hexdigest())
     except (msgspec.DecodeError, UnicodeDecodeError, ValueError) as error:
         raise ValueError(f"File {path}: {str(error).replace('`$.', '`')}") from None
 
@@ -131,16 +131,33 @@ def _system(tables: AxisTables, path: Path, run_python: bool) -> System:
     return system
 
 
+def _code(tables: AxisTables, path: Path) -> bytes:
+    """Of the module that a file names."""
+    if tables.python is None:
+        return b""
+    return (path.parent / f"{tables.python.partition(':')[0]}.py").read_bytes()
+
+
 def _named(name: str, folder: Path) -> System:
     """The system, or what a function without arguments returns, under a name module:object."""
     module, _, attribute = name.partition(":")
-    sys.path.insert(0, str(folder.resolve()))
-    try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"`python` must name a module:object, but {name!r}: {error}") from None
-    finally:
-        sys.path.pop(0)
+    path = folder / f"{module}.py"
+    require(
+        attribute and module.isidentifier() and path.exists(),
+        f"`python` must name a module:object, the module beside the file, but is {name!r}.",
+    )
+    # under a name of its own: two axes may call theirs alike
+    own = f"jaxid_axis_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()}"
+    spec = importlib.util.spec_from_file_location(own, path)
+    assert spec is not None
+    assert spec.loader is not None
+    loaded = sys.modules[own] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    require(
+        hasattr(loaded, attribute),
+        f"`python` must name a module:object, but {path} has no {attribute!r}.",
+    )
+    found = getattr(loaded, attribute)
     system: object = found if isinstance(found, System) or not callable(found) else found()
     if not isinstance(system, System):
         raise ValueError(

@@ -12,6 +12,7 @@ from jaxtyping import Array
 from jaxid import report
 from jaxid.axis_file import Axis
 from jaxid.checks import require
+from jaxid.feasible_set import LEAST
 from jaxid.files import UNITS, write_json
 from jaxid.fit import Fit, fit
 from jaxid.guarantee import assumptions
@@ -19,10 +20,11 @@ from jaxid.limits import Limits
 from jaxid.log import Log
 from jaxid.log_file import Recorded
 from jaxid.steady import Piece, rows_used, steady
-from jaxid.stretches import STRETCH, Proved, prove
+from jaxid.stretches import STRETCH, Proved, prove, rounded_down
 from jaxid.system import System
 
 FILES = ("result.json", "residuals.png")
+_SHOWN = 10  # pieces that are named
 _ABSURD = 20.0  # times a limit's half-width, which no stop, amplifier or clock would let pass
 
 
@@ -105,7 +107,7 @@ def summary(found: Identified) -> dict[str, Any]:
         "program": f"jaxid {version('jaxid')}",
         "consistent": proved.contradiction is None,
         "contradiction": proved.contradiction,
-        "smallest_factor_of_disturbance_bound": proved.factor,
+        "least_factor_of_disturbance_bound": _factor(proved),
         "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
         "not_told_apart": {
             name: dict(zip(system.names, combination.tolist(), strict=True))
@@ -128,6 +130,12 @@ def summary(found: Identified) -> dict[str, Any]:
     }
 
 
+def _factor(proved: Proved) -> float | None:
+    """None where it says nothing: less than a thousandth, or contradicting for another reason."""
+    known = proved.factor > LEAST and not (proved.contradiction and proved.factor <= 1)
+    return proved.factor if known else None
+
+
 def _parameter(found: Identified, k: int) -> dict[str, Any]:
     system = found.axis.system
     known: dict[str, Any] = {
@@ -144,6 +152,60 @@ def _parameter(found: Identified, k: int) -> dict[str, Any]:
         "guaranteed": [float(estimate.lower[k]), float(estimate.upper[k])],
         "possible": [float(proved.lower[k]), float(proved.upper[k])],
     }
+
+
+def text(found: Identified) -> str:
+    """For people."""
+    proved = found.proved
+    long = f"It is long: {proved.stretches} stretches of it were read one by one."
+    return "\n".join(
+        (
+            _rows_used(found),
+            *((long,) if proved.stretches > 1 else ()),
+            _intervals(found),
+            *(
+                f"{name} cannot be told apart from others: {_exchange(found, combination)}"
+                for name, combination in proved.unseen.items()
+            ),
+            "This rests on:",
+            *(f"  {sentence}" for sentence in summary(found)["rests_on"]),
+        )
+    )
+
+
+def _rows_used(found: Identified) -> str:
+    rows, pieces = found.recorded.position.size, found.pieces
+    shown = [f"{p.first + 1}–{p.last + 1}" for p in pieces]
+    where = ", ".join(shown[:_SHOWN]) + (", …" if len(shown) > _SHOWN else "")
+    most = max(float(p.log.jitter) for p in pieces)
+    return f"Used {rows_used(pieces)} of {rows} rows: {where}; jitter up to {most:.3g} s."
+
+
+def _intervals(found: Identified) -> str:
+    system = found.axis.system
+    proved, estimate = found.proved, found.proved.estimate
+    if estimate is None:
+        return f"The log contradicts the axis. {proved.contradiction} No interval is printed."
+    header = ("parameter", "unit", "prior", "guaranteed", "possible")
+    pairs = (
+        (system.lower, system.upper),
+        (estimate.lower, estimate.upper),
+        (proved.lower, proved.upper),
+    )
+    columns = [
+        [f"{low:.5g} … {high:.5g}" for low, high in zip(*map(np.asarray, pair), strict=True)]
+        for pair in pairs
+    ]
+    rows = list(zip(system.names, system.units, *columns, strict=True))
+    takes = f"{rounded_down(proved.factor):g}·δ at least" if proved.factor > LEAST else "hardly any"
+    title = f"What the log proves; to explain it takes {takes}"
+    return report.text_table(header, rows, title)
+
+
+def _exchange(found: Identified, combination: np.ndarray) -> str:
+    system = found.axis.system
+    parts = zip(system.names, combination.tolist(), system.units, strict=True)
+    return ", ".join(f"{amount:+.3g} {unit} of {name}" for name, amount, unit in parts if amount)
 
 
 def page(path: Path, found: Identified) -> None:

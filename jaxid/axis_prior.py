@@ -18,6 +18,7 @@ from jaxid.fit import fit
 from jaxid.log import Log
 from jaxid.log_file import Recorded
 from jaxid.regressors import Coulomb, OneWay, Sign, Viscous
+from jaxid.report import text_table
 from jaxid.steady import steady
 from jaxid.system import System, Term
 
@@ -72,6 +73,21 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
         lambda s: [term.interval for term in s.terms], system, list(np.stack([lower, upper], 1))
     )
     return Proposal(found.theta, lower, upper, MARGIN * _smallest(known, logs, found.rest))
+
+
+def text(axis: Axis, found: Proposal) -> str:
+    """For people, with the rule."""
+    system = axis.system
+    numbers = (x.tolist() for x in (found.theta, found.lower, found.upper))
+    rows = list(zip(system.names, system.units, *numbers, strict=True))
+    return "\n".join(
+        (
+            text_table(("parameter", "unit", "least squares", "from", "to"), rows),
+            f"δ: level = {found.delta:.4g} {system.input_unit}",
+            "The rule:",
+            *(f"  {sentence}" for sentence in RULE),
+        )
+    )
 
 
 def _least(term: Term, k: int, estimate: float) -> float:

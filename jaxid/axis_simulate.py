@@ -156,6 +156,23 @@ def summary(found: Simulated) -> dict[str, Any]:
     }
 
 
+def text(found: Simulated) -> str:
+    """For people."""
+    said, logs = summary(found), len(found.half_lengths)
+    margins = [(name, one["beyond"], one["least_margin"]) for name, one in said["limits"].items()]
+    lengths = [(name, *one.values()) for name, one in said["half_length"].items()]
+    title = f"Half of the intervals that {logs} logs prove; outside of them: {found.outside} truths"
+    return "\n".join(
+        (
+            f"{found.plants} axes, seed {found.seed}: evidence, no proof",
+            report.text_table(("limit", "axes beyond it", "least margin"), margins),
+            report.text_table(("parameter", "unit", "median", "most"), lengths, title),
+            "They rest on:",
+            *(f"  {sentence}" for sentence in said["rests_on"]),
+        )
+    )
+
+
 def page(path: Path, found: Simulated) -> None:
     """Tracking error, velocity and input of some plants."""
     axis, drawn = found.axis, found.drawn

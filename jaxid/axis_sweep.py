@@ -52,7 +52,7 @@ def sweep_axis(
         folder: of `write_design` or of `tradeoff`.
         bandwidths: w of H_f, rad/s.
         factors: of the gains of the file.
-        plants: random ones of the box, beside its corners.
+        plants: random ones of the box, beside its middle, its lowest and its highest θ.
         seed: of these and of what disturbs them.
         tell: told how many blocks are done, and of how many.
 
@@ -86,6 +86,12 @@ def study(
     """What is swept, and its names; the arguments are those of `sweep_axis`."""
     controller, motions = axis.controller, motions_in(folder, axis.system.coordinate)
     require(motions, f"Argument `folder`: {folder} must hold designs of jaxid design.")
+    gains = [f"× {factor:g}" for factor in factors]
+    require(
+        min(factors, default=0.0) > 0 and len(set(gains)) == len(gains),
+        f"Argument `factors` must be above zero and differ, but they are {list(factors)}.",
+    )
+    require(plants >= 0, f"Argument `plants` must be 0 or more, but is {plants}.")
     if controller is None:
         raise ValueError("Argument `axis` must have a table [controller] to be swept.")
     if axis.delay:
@@ -103,7 +109,6 @@ def study(
         seed=seed,
     )
     horizons = sorted({duration for _, duration in motions})
-    gains = [f"× {factor:g}" for factor in factors]
     about = "duration of the motion without its approach", "s"
     return swept, Labels(list(motions), horizons, gains, list(truths), about)
 
@@ -114,7 +119,12 @@ def motions_in(folder: Path, coordinate: str) -> dict[tuple[str, float], JerkTra
     found = {}
     for path in paths:
         motion = read_trajectory(path.parent / "trajectory.csv", coordinate)
-        target = json.loads(path.read_text())["target"]
+        try:
+            target = str(json.loads(path.read_text())["target"])
+        except (ValueError, KeyError, TypeError):
+            raise ValueError(
+                f"File {path} must be one of jaxid design, but has no target."
+            ) from None
         found[target, round(float(motion.duration), 12)] = motion
     return found
 
@@ -148,11 +158,10 @@ def scaled(controller: Controller, factor: float) -> Controller:
 
 def bounds_page(path: Path, found: xr.Dataset) -> None:
     """The worst J_f of each parameter over all scenarios, by motion and bandwidth."""
-    names, gains = _names(found.parameter), _names(found.gains)
-    usual = _USUAL if _USUAL in gains else gains[0]
+    names = _names(found.parameter)
     canvas, panels = report.figure(len(names), 1, (8.0, 2.4 * len(names)))
     for panel, name in zip(panels, names, strict=True):
-        own = found.sel(gains=usual, parameter=name)
+        own = found.sel(gains=_usual(found), parameter=name)
         percent = 100 * (own.bound.max("scenario") / own.half_width)
         table = percent.stack(motion=("design", "horizon")).dropna("motion", how="all")
         rows = [f"{design}, {time:g} s" for design, time in table.motion.values]
@@ -178,8 +187,7 @@ def tracking_page(path: Path, found: xr.Dataset) -> None:
 
 def summary(found: xr.Dataset) -> list[tuple[str, float, str, float, float, str]]:
     """For each motion and parameter the bandwidth with the least of the worst J_f, and that."""
-    gains = _names(found.gains)
-    usual = found.sel(gains=_USUAL if _USUAL in gains else gains[0]).bound.max("scenario")
+    usual = found.sel(gains=_usual(found)).bound.max("scenario")
     rows = []
     for design in _names(found.design):
         for time in found.horizon.values:
@@ -191,6 +199,24 @@ def summary(found: xr.Dataset) -> list[tuple[str, float, str, float, float, str]
                 w = float(best.idxmin("bandwidth"))
                 rows.append((design, float(time), name, w, float(best.min()), str(unit)))
     return rows
+
+
+def text(found: xr.Dataset) -> str:
+    """For people."""
+    header = ("designed for", "duration_s", "parameter", "best w (rad/s)", "worst J_f", "unit")
+    title = f"Least squares, worst of all scenarios, gains {_usual(found)}"
+    table = report.text_table(header, summary(found), title)
+    count, diverged = int(found.tracking_error.count()), int(np.isinf(found.tracking_error).sum())
+    loops = f"{count} closed loops, seed {found.seed}; {diverged} diverge."
+    kept = found.outside.where(np.isfinite(found.tracking_error))
+    misses = f"J_f is no guarantee: θ is outside of θ̂ ± J_f in {float(kept.mean()):.1%} of cases."
+    return f"{table}\n{loops}\n{misses}"
+
+
+def _usual(found: xr.Dataset) -> str:
+    """The gains of the file, or those nearest to the beginning."""
+    gains = _names(found.gains)
+    return _USUAL if _USUAL in gains else gains[0]
 
 
 def _names(axis: xr.DataArray) -> list[str]:

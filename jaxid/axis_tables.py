@@ -305,8 +305,8 @@ class AxisTables(Table, kw_only=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        built = bool(self.terms) and self.disturbance is not None
-        if built == (self.python is not None) or (self.terms and not built):
+        said = bool(self.terms), self.disturbance is not None
+        if said != ((self.python is None),) * 2:
             raise ValueError(
                 "what the axis is must be said once: by `terms` and `disturbance`, or by `python`"
             )

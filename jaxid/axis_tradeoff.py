@@ -8,12 +8,21 @@ from pathlib import Path
 import numpy as np
 
 from jaxid import report
-from jaxid.axis_design import AxisDesign, appraised, design_axis, in_words, write_design
+from jaxid.axis_design import (
+    PROGRAM,
+    AxisDesign,
+    appraised,
+    design_axis,
+    in_words,
+    require_possible,
+    write_design,
+)
 from jaxid.axis_file import Axis
 from jaxid.checks import require
 from jaxid.design import Report
 from jaxid.files import Cell, read_trajectory, write_table
 from jaxid.floor import floor
+from jaxid.limits import worst_excess
 from jaxid.motion_design import GuaranteedEffort
 
 FILES = ("tradeoff.csv", "tradeoff.png")
@@ -45,8 +54,9 @@ def tradeoff(
         ValueError: if a folder holds another design.
     """
     asked = [(target, axis.lasting(duration)) for target, duration in product(targets, durations)]
-    folders = [out / f"{target}_{_duration(longer):g}s" for target, longer in asked]
+    folders = [out / f"{target}_{_duration(longer):.12g}s" for target, longer in asked]
     for folder, (target, longer) in zip(folders, asked, strict=True):
+        require_possible(longer, target)
         _require_same(folder, longer, target, in_words(seed, effort))
     found, least = [], floor(axis.system, axis.task.limits)
     for folder, (target, longer) in zip(folders, asked, strict=True):
@@ -57,6 +67,12 @@ def tradeoff(
             )
             write_design(folder, one)
         motion = read_trajectory(folder / "trajectory.csv", axis.system.coordinate)
+        task = longer.task
+        require(
+            motion.jerk.size == task.intervals
+            and worst_excess(task.limits, task.boundary, motion) <= 0,
+            f"{folder} holds a motion that is not one of this axis: remove it.",
+        )
         found.append(appraised(longer, target, in_words(seed, effort), motion, least))
     return found
 
@@ -83,6 +99,12 @@ def rows(found: Iterable[AxisDesign]) -> list[dict[str, Cell]]:
         for one in found
         for k, name in enumerate(one.axis.system.names)
     ]
+
+
+def text(found: Iterable[AxisDesign]) -> str:
+    """For people."""
+    cells = [[row[name] for name in COLUMNS] for row in rows(found)]
+    return report.text_table(COLUMNS, cells, "What their logs can be expected to prove")
 
 
 def page(path: Path, found: Sequence[AxisDesign]) -> None:
@@ -114,9 +136,8 @@ def _require_same(folder: Path, axis: Axis, target: str, search: str) -> None:
     if not path.exists():
         return
     there = json.loads(path.read_text())
-    same = (axis.digest, target, search) == tuple(
-        there.get(name) for name in ("axis_sha256", "target", "search")
-    )
+    names = "axis_sha256", "target", "search", "program"
+    same = (axis.digest, target, search, PROGRAM) == tuple(there.get(name) for name in names)
     require(
         same and np.isclose(there["ends_s"] - there["begins_s"], _duration(axis)),
         f"{folder} holds the design of another axis or search: remove it, or choose another one.",

@@ -1,19 +1,17 @@
 """The `jaxid` command: parse, call the library, print."""
 
-import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 import tyro
 from tqdm import tqdm
 
 from jaxid import axis_design, axis_identify, axis_prior, axis_simulate, axis_sweep, axis_tradeoff
-from jaxid.axis_design import ALL, AxisDesign, design_axis
+from jaxid.axis_design import ALL, design_axis
 from jaxid.axis_file import Axis, Coordinate, example, read_axis
-from jaxid.axis_identify import Identified, identify_axis
+from jaxid.axis_identify import identify_axis
 from jaxid.axis_prior import propose
 from jaxid.axis_simulate import simulate_axis
 from jaxid.axis_tradeoff import tradeoff
@@ -22,13 +20,14 @@ from jaxid.design import Effort
 from jaxid.files import read_trajectory, write_bytes
 from jaxid.log_file import Columns, read_log
 from jaxid.motion_design import GuaranteedEffort
-from jaxid.report import text_table
 from jaxid.runtime import configure, connect, processors
-from jaxid.steady import rows_used
 
 _QUICK = GuaranteedEffort(1, Effort(starts=16, generations=10, rounds=0, polished=1), (1e-3, 1e-4))
 CONTRADICTED = 3  # the exit code
-_SHOWN = 10  # pieces of a log that are named
+_DESCRIPTION = (
+    "From limits of a machine axis to guaranteed intervals of its parameters. Exit codes: 0 done, "
+    "1 refused, 2 not understood, 3 the log contradicts the axis, 130 stopped."
+)
 EFFORTS = {"usual": GuaranteedEffort(), "quick": _QUICK}
 
 
@@ -63,12 +62,7 @@ def prior(
     """
     known = read_axis(axis, run_python=run_python)
     found = propose(known, read_log(log, _columns(axis, known)))
-    system = known.system
-    numbers = zip(*(x.tolist() for x in (found.theta, found.lower, found.upper)), strict=True)
-    rows = [(*head, *row) for *head, row in zip(system.names, system.units, numbers, strict=True)]
-    print(text_table(("parameter", "unit", "least squares", "from", "to"), rows))
-    print(f"δ: level = {found.delta:.4g} {system.input_unit}")
-    print("The rule:", *axis_prior.RULE, sep="\n  ")
+    print(axis_prior.text(known, found))
 
 
 def design(
@@ -86,7 +80,7 @@ def design(
     Example: jaxid design slide.toml --out slide
 
     What would be gained by a longer one, or for one parameter alone?
-    jaxid design slide.toml --out choice --target all M --horizons 0.4 0.6 1.2
+    jaxid design slide.toml --out choice --target all M --horizons 0.5 0.6 1.2
 
     Args:
         axis: the file that describes it.
@@ -111,7 +105,11 @@ def design(
             found = tradeoff(known, target, times, out, *search)
         else:
             found = [design_axis(known.lasting(times[0]), target[0], *search)]
-    print(_compared(out, found) if several else _kept_one(out, found[0]))
+    if several:
+        axis_tradeoff.write_tradeoff(out, found)
+        print(axis_tradeoff.text(found))
+    else:
+        print(axis_design.text(found[0], axis_design.write_design(out, found[0])))
     print(f"Written to {out}: {', '.join(files)}")
 
 
@@ -143,14 +141,7 @@ def simulate(
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
         found = simulate_axis(known, motion, plants, logs, seed, line.set_description)
     axis_simulate.write_simulated(design, found)
-    said = axis_simulate.summary(found)
-    print(f"{plants} axes, seed {seed}: evidence, no proof")
-    rows = [(name, one["beyond"], one["least_margin"]) for name, one in said["limits"].items()]
-    print(text_table(("limit", "axes beyond it", "least margin"), rows))
-    lengths = [(name, *one.values()) for name, one in said["half_length"].items()]
-    title = f"Half of the intervals that {logs} logs prove; outside of them: {found.outside} truths"
-    print(text_table(("parameter", "unit", "median", "most"), lengths, title))
-    print("They rest on:", *said["rests_on"], sep="\n  ")
+    print(axis_simulate.text(found))
     print(f"Written to {design}: {', '.join(axis_simulate.FILES)}")
 
 
@@ -173,7 +164,7 @@ def sweep(
         design: the folder of `jaxid design`, for one motion or for several.
         bandwidths: of the first-order filter of input and regressors, rad/s.
         factors: of the feedback gains.
-        plants: random ones of the box, beside its corners.
+        plants: random ones of the box, beside its middle, its lowest and its highest θ.
         seed: of these and of what disturbs them.
         force: replace files that are there.
         run_python: run the module that the file of the axis names.
@@ -189,10 +180,7 @@ def sweep(
 
         found = axis_sweep.sweep_axis(known, design, bandwidths, factors, plants, seed, tell)
     axis_sweep.write_sweep(design, found)
-    header = ("designed for", "duration_s", "parameter", "best w (rad/s)", "worst J_f", "unit")
-    print(text_table(header, axis_sweep.summary(found), "Least squares, worst of all scenarios"))
-    diverged = int(np.isinf(found.tracking_error).sum())
-    print(f"{int(found.tracking_error.count())} closed loops, seed {seed}; {diverged} diverge.")
+    print(axis_sweep.text(found))
     print(f"Written to {design}: {', '.join(axis_sweep.FILES)}")
 
 
@@ -220,13 +208,7 @@ def identify(
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
         found = identify_axis(known, recorded, line.set_description)
     axis_identify.write_identified(out, found)
-    print(_rows_used(found))
-    if found.proved.stretches > 1:
-        print(f"It is long: {found.proved.stretches} stretches of it were read one by one.")
-    print(_intervals(found))
-    for name, combination in found.proved.unseen.items():
-        print(f"{name} cannot be told apart from others: {_exchange(found, combination)}")
-    print("This rests on:", *axis_identify.summary(found)["rests_on"], sep="\n  ")
+    print(axis_identify.text(found))
     print(f"Written to {out}: {', '.join(axis_identify.FILES)}")
     if found.proved.contradiction:
         raise SystemExit(CONTRADICTED)
@@ -246,8 +228,7 @@ def main(arguments: list[str] | None = None) -> None:
                 "sweep": sweep,
             },
             prog="jaxid",
-            description="From limits of a machine axis to guaranteed intervals of its parameters. Exit "
-            "codes: 0 done, 1 refused, 2 not understood, 3 the log contradicts the axis, 130 stopped.",
+            description=_DESCRIPTION,
             args=arguments,
         )
     except (ValueError, OSError) as error:
@@ -258,73 +239,10 @@ def main(arguments: list[str] | None = None) -> None:
         raise SystemExit(130) from None
 
 
-def _compared(out: Path, found: Sequence[AxisDesign]) -> str:
-    axis_tradeoff.write_tradeoff(out, found)
-    header = axis_tradeoff.COLUMNS
-    rows = [[row[name] for name in header] for row in axis_tradeoff.rows(found)]
-    return text_table(header, rows, "What their logs can be expected to prove")
-
-
-def _kept_one(out: Path, found: AxisDesign) -> str:
-    left = axis_design.write_design(out, found)
-    margins = ", ".join(f"{name} {x:.2%}" for name, x in left.items())
-    return f"{_table(found)}\nLeft of the limits: {margins}"
-
-
-def _table(found: AxisDesign) -> str:
-    system, worth = found.axis.system, found.worth
-    twice = axis_design.FACTORS.index(2.0)
-    header = ["parameter", "unit", "J", "guaranteed", "floor", "gap", "with 2·δ"]
-    columns = [worth.error, worth.guaranteed, worth.floor, worth.gap, found.sensitivity[twice]]
-    numbers = [list(row) for row in zip(*(column.tolist() for column in columns), strict=True)]
-    wanted = found.axis.wanted.tolist()
-    if any(map(math.isfinite, wanted)):
-        header.append("wanted")
-        numbers = [
-            [*row, x if math.isfinite(x) else None] for row, x in zip(numbers, wanted, strict=True)
-        ]
-    rows = [[*head, *row] for *head, row in zip(system.names, system.units, numbers, strict=True)]
-    return text_table(header, rows, "What its log can be expected to prove")
-
-
 def _columns(path: Path, axis: Axis) -> Columns:
     if axis.columns is None:
         raise ValueError(f"File {path} must say in a table [log] which column is what: jaxid init.")
     return axis.columns
-
-
-def _rows_used(found: Identified) -> str:
-    rows, pieces = found.recorded.position.size, found.pieces
-    shown = [f"{p.first + 1}–{p.last + 1}" for p in pieces]
-    where = ", ".join(shown[:_SHOWN]) + (", …" if len(shown) > _SHOWN else "")
-    most = max(float(p.log.jitter) for p in pieces)
-    return f"Used {rows_used(pieces)} of {rows} rows: {where}; jitter up to {most:.3g} s."
-
-
-def _intervals(found: Identified) -> str:
-    system = found.axis.system
-    proved, estimate = found.proved, found.proved.estimate
-    if estimate is None:
-        return f"The log contradicts the axis. {proved.contradiction} No interval is printed."
-    header = ("parameter", "unit", "prior", "guaranteed", "possible")
-    pairs = (
-        (system.lower, system.upper),
-        (estimate.lower, estimate.upper),
-        (proved.lower, proved.upper),
-    )
-    columns = [
-        [f"{low:.5g} … {high:.5g}" for low, high in zip(*map(np.asarray, pair), strict=True)]
-        for pair in pairs
-    ]
-    rows = list(zip(system.names, system.units, *columns, strict=True))
-    title = f"What the log proves; it could be explained with {proved.factor:.3g}·δ, not with less"
-    return text_table(header, rows, title)
-
-
-def _exchange(found: Identified, combination: np.ndarray) -> str:
-    system = found.axis.system
-    parts = zip(system.names, combination.tolist(), system.units, strict=True)
-    return ", ".join(f"{amount:+.3g} {unit} of {name}" for name, amount, unit in parts if amount)
 
 
 def _keep(paths: Iterable[Path], force: bool) -> None:

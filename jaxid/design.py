@@ -92,6 +92,8 @@ def design(
 
     Args:
         objective: of a trajectory and a smoothing; of order one, so the log of a positive quantity.
+            Any function; those of one kind share a compilation as an `equinox.Module`, or as
+            `jax.tree_util.Partial(function, data)`.
         task: what the motion must do.
         key: for the starts.
         fine: the same objective on a finer grid, for the polish and the choice; default the same.

@@ -135,12 +135,12 @@ def projection(
 def smallest_factor(
     rows: Callable[[Scalar], Logged], knots: int | None = None, least: float = LEAST
 ) -> float:
-    """The smallest s, to 0.1 %, for which s·δ may explain the data; below it no plant can.
+    """The largest s for which s·δ is proved not to explain the data; a thousandth more may do.
 
     Args:
         rows: the data as rows, with δ multiplied by a factor; for a log its brackets depend on it.
         knots: of the weights, at most; default all rows.
-        least: what is returned if already it explains them.
+        least: where the search begins, and what is returned if already it may explain them.
     """
 
     def needed(factor: float, count: int) -> float:
@@ -166,7 +166,7 @@ def smallest_factor(
             low, n_low = high, n_high
             high = min(high * max(n_high, _WIDER), _MOST)
         low, high = _closed_in(partial(needed, count=count), (low, n_low), (high, n_high))
-    return high
+    return low
 
 
 def explaining_factor(
@@ -178,7 +178,7 @@ def explaining_factor(
         system: its box and δ.
         logs: of one axis.
         knots: of the weights, at most, for each log; default all rows.
-        least: what is returned if already it explains them.
+        least: what is returned if already it may explain them.
     """
     return smallest_factor(lambda s: read_together(louder(system, s), logs), knots, least)
 

@@ -122,19 +122,26 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
     return (
         f"The box: {box}.",
         f"Everything unmodelled is at all times at most δ: {most}.",
-        *dict.fromkeys(sentence for log in logs for sentence in _of_the_servo(log, length, delay)),
+        *_of_the_servo(logs, length, delay),
         *(together if len(logs) > 1 else ()),
         *estimated,
     )
 
 
-def _of_the_servo(log: Log, length: str, delay: int) -> tuple[str, str]:
-    half, jitter = float(log.resolution) / 2, float(log.jitter)
+def _of_the_servo(logs: Sequence[Log], length: str, delay: int) -> tuple[str, ...]:
+    if not logs:
+        return ()
+    periods, halves, jitters = (
+        [float(x) for x in numbers]
+        for numbers in zip(*((g.period, g.resolution / 2, g.jitter) for g in logs), strict=True)
+    )
+    half, jitter = max(halves), max(jitters)
+    held = " to ".join(dict.fromkeys(f"{end:g}" for end in (min(periods), max(periods))))
     encoder = f"to {half:.4g} {length}" if half > 0 else "exactly"
     steady = f"; both up to {jitter:.4g} s too early or too late" if jitter > 0 else ""
     late = f"{delay} periods later" if delay else "without delay"
     return (
-        f"The input acts as commanded, {late}, and is held for {float(log.period):g} s.",
+        f"The input acts as commanded, {late}, and is held for {held} s.",
         f"The encoder reads the position at the beginning of each hold, {encoder}{steady}.",
     )
 

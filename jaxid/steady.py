@@ -14,6 +14,7 @@ from jaxid.log_file import Recorded
 
 _LEAST = 4  # ticks of a piece: fewer say hardly anything
 _CLOCKS = 0.01  # that two clocks may differ by
+_NEGLIGIBLE = 1e-6  # of a period
 _ROUNDINGS = 4  # of a stamp and of what is computed from it
 _SHAPES = 2  # lengths that are worth compiling for
 
@@ -116,9 +117,9 @@ def _straight(time: Float[np.ndarray, " n"], run: tuple[int, int]) -> Iterator[t
 
 def _clock(time: Float[np.ndarray, " n"]) -> tuple[float, float]:
     """The period of stamps, and how far at most they are from equal steps."""
-    ticks = np.arange(time.size) - (time.size - 1) / 2
-    period = float(ticks @ time / (ticks @ ticks))
-    rest = time - period * ticks
+    ticks, since = np.arange(time.size) - (time.size - 1) / 2, time - time[0]
+    period = float(ticks @ since / (ticks @ ticks))
+    rest = since - period * ticks
     return period, float(np.ptp(rest) / 2)
 
 
@@ -132,7 +133,8 @@ def _piece(
     first, stop = part
     period, missed = _clock(time[first:stop])
     rounded = _ROUNDINGS * float(np.spacing(np.max(np.abs(time[first:stop]))))
-    jitter = missed if missed > rounded else 0.0
+    # stamps so coarse that their rounding may hide some count as they are
+    jitter = missed if missed > rounded or rounded > _NEGLIGIBLE * period else 0.0
     position = jnp.asarray(recorded.position[first + delay : stop])
     acting = jnp.asarray(recorded.input[first : stop - delay])  # the last one after the last tick
     if jitter == 0:

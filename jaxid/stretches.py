@@ -6,6 +6,7 @@ ones, what only several stretches together could tell apart remains untold.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from math import floor, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ WHOLE = 50_000  # ticks at most that are read together as well
 _KNOTS = 1000  # of a stretch: ten times as many gain nothing of the motor's intervals
 _TOGETHER = 3000  # knots
 _FINER = 3  # for δ alone: with fewer weights a smaller one seems enough, by 2 % for the motor
+_SAME = 1e-6  # of a prior interval: what has shrunk by less is whole
 _FAR = 0.5  # of δ: nothing that finer weights would see of it contradicts the axis
 
 
@@ -31,7 +33,7 @@ class Proved(NamedTuple):
     """What logs say of an axis.
 
     Attributes:
-        factor: the smallest of δ that explains every stretch, as far as one reading shows.
+        factor: of δ, which some stretch takes at least; `LEAST` where none takes that much.
         contradiction: in what way the logs contradict the axis, if they do.
         estimate: unless they do.
         lower: ends of all that they leave possible, unless they contradict the axis.
@@ -67,7 +69,10 @@ def prove(
         label = f"stretch {number} of {len(parts)}: " if len(parts) > 1 else ""
         found.read(part, lambda said, label=label: tell(label + said))
     if len(parts) > 1 and _ticks(logs) <= WHOLE:
-        found.narrow(logs, max(_TOGETHER // len(logs), 2), lambda said: tell(f"together: {said}"))
+        knots = max(_TOGETHER // len(logs), 2)
+        found.narrow(logs, knots, lambda said: tell(f"together: {said}"))
+        if found.unseen:
+            found.unseen = found.look(logs, knots)
     return found.result(len(parts))
 
 
@@ -92,12 +97,15 @@ class _Reading:
         self.contradiction: str | None = None
         self.estimates: list[Estimate] = []
         self.unseen: dict[str, Float[np.ndarray, " m"]] | None = None
+        self.logs: list[Log] = []
         self.coarse = 1.0
 
     def read(self, logs: list[Log], tell: Callable[[str], None]) -> None:
         """One more stretch."""
+        self.logs += logs
         knots = max(_KNOTS // len(logs), 2)
-        self.coarse = max(self.coarse, _ticks(logs) / (knots * len(logs)))
+        longest = max(int(log.took_place().sum()) for log in logs)
+        self.coarse = max(self.coarse, longest / knots)
         tell("smallest δ that explains it")
         for count in (knots, _FINER * knots):
             self.factor = explaining_factor(self.system, logs, count, self.factor)
@@ -105,7 +113,9 @@ class _Reading:
                 break
         if self.unseen is None or self.unseen:
             tell("what the motion cannot tell apart")
-            self._look(logs, knots)
+            now = self.look(logs, knots)
+            before = now if self.unseen is None else self.unseen
+            self.unseen = {name: now[name] for name in now if name in before}
         self.narrow(logs, knots, tell)
 
     def narrow(self, logs: Sequence[Log], knots: int, tell: Callable[[str], None]) -> None:
@@ -119,6 +129,9 @@ class _Reading:
             left = feasible_set(found.logged, [found.estimate], knots)
         except ValueError as contradiction:  # this reading can see what the first did not
             self.contradiction = str(contradiction)
+            if _ticks(self.logs) <= WHOLE:  # stretches may contradict one another, none itself
+                many = max(_TOGETHER // len(self.logs), 2)
+                self.factor = explaining_factor(self.system, self.logs, many, self.factor)
         else:
             self.estimates.append(found.estimate)
             self.known = within(self.known, left.lower, left.upper)
@@ -126,8 +139,12 @@ class _Reading:
     def result(self, count: int) -> Proved:
         """Of all stretches."""
         if self.factor > 1:
-            needed = f"disturbances of {self.factor:.4g} times δ or more would be needed"
+            needed = (
+                f"disturbances of {rounded_down(self.factor):g} times δ or more would be needed"
+            )
             self.contradiction = f"Within the box, {needed}."
+        shrunk = (self.known.upper - self.known.lower) < (1 - _SAME) * 2 * self.system.half_widths
+        told = {name for name, less in zip(self.system.names, shrunk, strict=True) if less}
         estimate = None if self.contradiction else best(self.estimates)
         return Proved(
             self.factor,
@@ -135,17 +152,21 @@ class _Reading:
             estimate,
             self.known.lower,
             self.known.upper,
-            self.unseen or {},
+            {k: v for k, v in (self.unseen or {}).items() if k not in told},
             count,
             self.coarse,
         )
 
-    def _look(self, logs: list[Log], knots: int) -> None:
-        """What no stretch tells apart; with the last one's combinations."""
+    def look(self, logs: Sequence[Log], knots: int) -> dict[str, Float[np.ndarray, " m"]]:
+        """What these logs cannot tell apart."""
         explained = self.system if self.factor <= 1 else louder(self.system, 1.01 * self.factor)
-        now = blind(read_together(explained, logs), knots)
-        before = now if self.unseen is None else self.unseen
-        self.unseen = {name: now[name] for name in now if name in before}
+        return blind(read_together(explained, logs), knots)
+
+
+def rounded_down(factor: float) -> float:
+    """To three digits: what is needed at least."""
+    digits = 2 - floor(log10(factor))
+    return floor(factor * 10**digits) / 10**digits
 
 
 def _ticks(logs: Sequence[Log]) -> int:

@@ -138,7 +138,9 @@ def coded(tmp_path):
         path.write_text(kept.replace("coordinate =", f'python = "{name}"\ncoordinate =', 1))
         return path
 
-    return named
+    yield named
+    for own in [name for name in sys.modules if name.startswith("jaxid_axis_")]:
+        del sys.modules[own]
 
 
 @pytest.mark.parametrize("name", ["own_axis_code:axis", "own_axis_code:make"])
@@ -146,19 +148,27 @@ def test_python_code_runs_only_if_that_is_allowed(coded, name):
     path = coded(name)
     with pytest.raises(ValueError, match=f"names the Python code {name}, which runs only if you"):
         read_axis(path)
-    assert "own_axis_code" not in sys.modules
+    assert not [name for name in sys.modules if name.startswith("jaxid_axis_")]
     found = read_axis(path, run_python=True)
     assert found.system.names == ("m", "b")
     # (18) of the limits in the file with these terms: (10 − 1·2)/2
     np.testing.assert_allclose(found.task.limits.acceleration, [-4.0, 4.0])
-    del sys.modules["own_axis_code"]
+    before = found.digest
+    code = path.parent / "own_axis_code.py"
+    code.write_text(code.read_text().replace("0.3", "0.4"))
+    again = read_axis(path, run_python=True)
+    assert again.digest != before
+    assert float(again.system.disturbance_bound(jnp.zeros(()), jnp.zeros(()))) == 0.4
+    path.write_text(path.read_text() + "[disturbance]\nlevel = 9.0\n")
+    with pytest.raises(ValueError, match="must be said once"):
+        read_axis(path, run_python=True)
 
 
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("own_axis_code:nothing", "must name a module:object.*no attribute 'nothing'"),
-        ("no_such_module:axis", "must name a module:object.*No module named 'no_such_module'"),
+        ("own_axis_code:nothing", "must name a module:object.*has no 'nothing'"),
+        ("no_such_module:axis", "must name a module:object, the module beside the file"),
         ("own_axis_code:terms", "must name a jaxid.System, but own_axis_code:terms is a tuple"),
         ("own_axis_code:other", "must be linear with an input in V like the file, but is linear"),
     ],

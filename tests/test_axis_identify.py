@@ -105,7 +105,7 @@ def test_a_log_with_a_large_unknown_force_is_falsified(tmp_path, log, capsys):
     assert "contradicts the axis" in capsys.readouterr().out
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     assert not found["consistent"]
-    assert 1.0 < found["smallest_factor_of_disturbance_bound"] < 0.75 / 0.15
+    assert 1.0 < found["least_factor_of_disturbance_bound"] < 0.75 / 0.15
     assert all("guaranteed" not in one for one in found["parameters"].values())
 
 

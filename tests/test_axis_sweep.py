@@ -94,8 +94,12 @@ def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
         return capsys.readouterr().err.splitlines()[-1]
 
     assert "must hold designs of jaxid design" in said(folder)
+    assert "`plants` must be 0 or more, but is -1" in said(folder / "choice", "--plants", -1)
+    assert "`factors` must be above zero and differ" in said(folder / "choice", "--factors", 1, 1)
     text = path.read_text()
     path.write_text(text[: text.index("[controller]")] + text[text.index("[log]") :])
     assert "must have a table [controller] to be swept" in said(folder / "choice")
+    (folder / "choice" / "all_1s" / "design.json").write_text("{}")
+    assert "must be one of jaxid design, but has no target" in said(folder / "choice")
     (folder / "choice" / "sweep.nc").write_text("mine")
     assert "would be replaced" in said(folder / "choice")

@@ -1,4 +1,4 @@
-"""A log of 200 MB: `make long`, twenty minutes; not a part of `make test`."""
+"""A log of 200 MB: `make long`, seven minutes; not a part of `make test`."""
 
 import json
 import os
@@ -32,7 +32,7 @@ def test_a_long_log_is_read_in_little_memory(figures, tmp_path, capfd):
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     assert found["consistent"]
     assert found["rows_used"] == rows
-    assert most < 1000 + 12 * SIZE / 1e6
+    assert most < 1000 + 3 * SIZE / 1e6
     for truth, widest, one in zip(
         motor.TRUE_PARAMETERS,
         (0.0036, 0.16, 0.17, 0.151),

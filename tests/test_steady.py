@@ -45,8 +45,9 @@ def check(log, pieces, time, delay=0):
     st.sampled_from([0.0, 1e-6, 0.01, 0.05, 0.09]),
     st.integers(0, 6),
     st.integers(0, 3),
+    st.sampled_from([None, 90]),
 )
-def test_every_piece_is_steady(seed, share, events, delay):
+def test_every_piece_is_steady(seed, share, events, delay, longest):
     """Gaps, repeated stamps, rows without a number and jitter, anywhere."""
     random = np.random.default_rng(seed)
     n = 400
@@ -57,8 +58,9 @@ def test_every_piece_is_steady(seed, share, events, delay):
     missing = random.integers(0, n, events)
     log.position[missing[: events // 2]] = np.nan
     log.input[missing[events // 2 :]] = np.nan
-    pieces = steady(log, H, Q, delay)
+    pieces = steady(log, H, Q, delay, longest)
     check(log, pieces, time, delay)
+    assert longest is None or max(p.last - p.first + 1 for p in pieces) <= longest
     assert all(np.isfinite(log.position[p.first : p.last + 1]).all() for p in pieces)
     if share < 0.05:  # two events cost at most the few rows between them
         assert rows_used(pieces) >= n - 2 * events * (6 + delay)

@@ -1,16 +1,18 @@
 """A log read stretch by stretch: truths inside, nothing wider than from a stretch alone."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxid import linear_motor as motor
 from jaxid import stretches as room
+from jaxid.disturbance_bounds import ConstantBound
 from jaxid.experiment import log_of, run
 from jaxid.files import read_trajectory
 from jaxid.log import Log
 from jaxid.sensing import Encoder
-from jaxid.stretches import prove, stretches
+from jaxid.stretches import prove, rounded_down, stretches
 
 TRUTH = np.array(motor.TRUE_PARAMETERS)
 PERIOD = motor.CONTROL_PERIOD
@@ -95,9 +97,10 @@ def test_stretches_that_contradict_one_another(parts):
     other = [scaled(log, heavy) for log in parts[:2]]
     assert prove(system, other).contradiction is None
     found = prove(system, [*parts[:2], *other])
-    assert found.factor <= 1.0
-    assert "can have left it" in found.contradiction
     assert found.estimate is None
+    # what both together would take, though neither by itself takes more than δ
+    assert found.factor > 1.0
+    assert "times δ or more would be needed" in found.contradiction
 
 
 def test_what_one_stretch_tells_apart_is_told_apart(parts):
@@ -110,3 +113,28 @@ def test_what_one_stretch_tells_apart_is_told_apart(parts):
     found = prove(motor.system(), [slow, *parts[:2]])
     assert found.stretches == 2
     assert not found.unseen
+
+
+def test_what_only_two_stretches_together_tell_apart_is_told_apart():
+    """Two speeds tell friction from damping; one of them alone does not."""
+
+    def at(speed):
+        u = jnp.full(1200, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
+        y = jnp.round(speed * PERIOD * jnp.arange(1201) / 1e-6) * 1e-6
+        return Log(u, y, PERIOD, 1e-6)
+
+    box = motor.system()
+    small = eqx.tree_at(lambda s: s.disturbance_bound, box, ConstantBound(0.02))
+    slow, fast = at(0.2), at(1.5)
+    assert "B" in prove(small, [slow]).unseen
+    assert "B" in prove(small, [fast]).unseen
+    found = prove(small, [slow, fast])
+    assert found.stretches == 2
+    assert "B" not in found.unseen
+    assert "M" in found.unseen
+
+
+def test_what_is_needed_at_least_is_rounded_down():
+    assert rounded_down(1.2399) == pytest.approx(1.23)
+    assert rounded_down(0.0129999) == pytest.approx(0.0129)
+    assert rounded_down(1.0) == 1.0
