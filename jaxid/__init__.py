@@ -72,7 +72,8 @@ system, trajectory
     log_file <- checks
     steady <- checks, log, log_file
     axis_tables <- control, disturbance_bounds, limits, log_file, regressors, system
-    axis_file <- axis_tables, checks, control, foresight, log_file, problem, system, trajectory
+    axis_file <- axis_tables, checks, control, foresight, log_file, problem, sensing, system, \
+trajectory
     files <- checks, trajectory
     setpoints <- checks, files, limits, trajectory
     blocks <- checks, files
@@ -93,10 +94,10 @@ report
 report, steady, system
     axis_identify <- axis_file, checks, feasible_set, files, fit, guarantee, limits, log, \
 log_file, report, steady, stretches, system
-    axis_simulate <- axis_design, axis_file, checks, control, disturbance, files, guarantee, \
-limits, log, loop, report, sensing, simulate, trajectory
+    axis_simulate <- axis_design, axis_file, checks, disturbance, files, guarantee, limits, log, \
+loop, report, sensing, simulate, trajectory
     axis_sweep <- axis_design, axis_file, blocks, checks, control, dataset, disturbance, files, \
-report, runtime, sensing, sweep, trajectory
+report, runtime, sweep, trajectory
     cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, axis_sweep, \
 axis_tradeoff, checks, design, files, log_file, motion_design, runtime
 """

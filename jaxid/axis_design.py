@@ -61,7 +61,7 @@ def design_axis(
     target: str = ALL,
     seed: int = 0,
     effort: GuaranteedEffort = GuaranteedEffort(),
-    report: Report = lambda message: None,
+    tell: Report = lambda message: None,
 ) -> AxisDesign:
     """The motion whose log can be expected to prove most.
 
@@ -71,7 +71,7 @@ def design_axis(
             over its floor or over what is wanted.
         seed: of the search.
         effort: how long to search.
-        report: told what goes on.
+        tell: told what goes on.
 
     Raises:
         InfeasibleError: if no motion keeps the limits.
@@ -79,11 +79,11 @@ def design_axis(
     """
     system, task, servo = axis.system, axis.task, axis.servo
     require_possible(axis, target)
-    report("floor of every parameter")
+    tell("floor of every parameter")
     least = floor(system, task.limits)
     targets, key = _targets(axis, target, least), jax.random.key(seed)
-    motion = design_guaranteed(system, task, targets, key, servo, effort=effort, report=report)
-    report("what it is worth")
+    motion = design_guaranteed(system, task, targets, key, servo, effort=effort, report=tell)
+    tell("what it is worth")
     return appraised(axis, target, in_words(seed, effort), motion, least)
 
 

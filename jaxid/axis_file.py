@@ -16,10 +16,11 @@ from jaxtyping import Array, Float
 
 from jaxid.axis_tables import AxisTables, Coordinate, whole
 from jaxid.checks import require
-from jaxid.control import Controller
+from jaxid.control import Controller, Delayed
 from jaxid.foresight import Servo
 from jaxid.log_file import Columns
 from jaxid.problem import Task
+from jaxid.sensing import Encoder, IdealSensor, Sensor
 from jaxid.system import System
 from jaxid.trajectory import uniform
 
@@ -53,6 +54,23 @@ class Axis(NamedTuple):
     home: float
     waiting: int
     digest: str
+
+    @property
+    def law(self) -> Controller:
+        """What tracks a motion, its commands acting as late as they do.
+
+        Raises:
+            ValueError: if the file has no controller.
+        """
+        if self.controller is None:
+            raise ValueError("Argument `axis` must have a table [controller] to track a motion.")
+        return Delayed(self.controller, self.delay) if self.delay else self.controller
+
+    @property
+    def sensor(self) -> Sensor:
+        """What the controller sees."""
+        resolution = self.servo.resolution
+        return Encoder(resolution) if resolution > 0 else IdealSensor()
 
     def lasting(self, duration: float) -> "Axis":
         """The same axis with motions of another duration, s."""

@@ -15,14 +15,13 @@ from jaxid import report
 from jaxid.axis_design import played
 from jaxid.axis_file import Axis
 from jaxid.checks import require
-from jaxid.control import Controller, Delayed
 from jaxid.disturbance import AgainstTracking, NoDisturbance
 from jaxid.files import UNITS, write_json
 from jaxid.guarantee import assumptions, identify_log
 from jaxid.limits import Limits
 from jaxid.log import Log
 from jaxid.loop import Loop, Scenarios, excesses, random_scenarios
-from jaxid.sensing import Encoder, IdealSensor, Sensor
+from jaxid.sensing import Encoder
 from jaxid.simulate import Signals
 from jaxid.trajectory import JerkTrajectory, ticks
 
@@ -100,14 +99,8 @@ def simulate_axis(
 
 
 def _loop(axis: Axis, motion: JerkTrajectory) -> Loop:
-    law: Controller | None = axis.controller
-    if law is None:
-        raise ValueError("Argument `axis` must have a table [controller] to be simulated.")
-    if axis.delay:
-        law = Delayed(law, axis.delay)
-    resolution, period = axis.servo.resolution, axis.servo.period
-    sensor: Sensor = Encoder(resolution) if resolution > 0 else IdealSensor()
-    return Loop(law, sensor, period, ticks(motion, period), substeps=_SUBSTEPS)
+    period = axis.servo.period
+    return Loop(axis.law, axis.sensor, period, ticks(motion, period), substeps=_SUBSTEPS)
 
 
 @eqx.filter_jit

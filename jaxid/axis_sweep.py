@@ -19,12 +19,11 @@ from jaxid import blocks, report
 from jaxid.axis_design import played
 from jaxid.axis_file import Axis
 from jaxid.checks import require
-from jaxid.control import ARC, Controller, Delayed
+from jaxid.control import ARC, Controller
 from jaxid.dataset import Labels, labelled
 from jaxid.disturbance import NoDisturbance
 from jaxid.files import read_trajectory, write_dataset
 from jaxid.runtime import processors
-from jaxid.sensing import Encoder, IdealSensor
 from jaxid.sweep import Grid, Truth, grid, item, law
 from jaxid.trajectory import JerkTrajectory
 
@@ -84,7 +83,7 @@ def study(
     seed: int,
 ) -> tuple[Grid, Labels]:
     """What is swept, and its names; the arguments are those of `sweep_axis`."""
-    controller, motions = axis.controller, motions_in(folder, axis.system.coordinate)
+    motions = motions_in(folder, axis.system.coordinate)
     require(motions, f"Argument `folder`: {folder} must hold designs of jaxid design.")
     gains = [f"× {factor:g}" for factor in factors]
     require(
@@ -92,17 +91,13 @@ def study(
         f"Argument `factors` must be above zero and differ, but they are {list(factors)}.",
     )
     require(plants >= 0, f"Argument `plants` must be 0 or more, but is {plants}.")
-    if controller is None:
-        raise ValueError("Argument `axis` must have a table [controller] to be swept.")
-    if axis.delay:
-        controller = Delayed(controller, axis.delay)
-    resolution, truths = axis.servo.resolution, scenarios(axis, plants, seed)
+    truths = scenarios(axis, plants, seed)
     swept = grid(
         axis.system,
-        Encoder(resolution) if resolution > 0 else IdealSensor(),
+        axis.sensor,
         NoDisturbance(),
         [played(axis, motion) for motion in motions.values()],
-        [scaled(controller, factor) for factor in factors],
+        [scaled(axis.law, factor) for factor in factors],
         list(truths.values()),
         bandwidths,
         axis.servo.period,

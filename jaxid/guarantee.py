@@ -1,7 +1,7 @@
 """From a log to intervals that hold for the axis in continuous time, encoder and servo included."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -122,28 +122,24 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
     return (
         f"The box: {box}.",
         f"Everything unmodelled is at all times at most δ: {most}.",
-        *_of_the_servo(logs, length, delay),
+        *dict.fromkeys(_of_the_servos(logs, length, delay)),
         *(together if len(logs) > 1 else ()),
         *estimated,
     )
 
 
-def _of_the_servo(logs: Sequence[Log], length: str, delay: int) -> tuple[str, ...]:
-    if not logs:
-        return ()
-    periods, halves, jitters = (
-        [float(x) for x in numbers]
-        for numbers in zip(*((g.period, g.resolution / 2, g.jitter) for g in logs), strict=True)
-    )
-    half, jitter = max(halves), max(jitters)
-    held = " to ".join(dict.fromkeys(f"{end:g}" for end in (min(periods), max(periods))))
-    encoder = f"to {half:.4g} {length}" if half > 0 else "exactly"
-    steady = f"; both up to {jitter:.4g} s too early or too late" if jitter > 0 else ""
+def _of_the_servos(logs: Sequence[Log], length: str, delay: int) -> Iterator[str]:
+    """Of each servo once, with the largest jitter of its logs."""
+    jitters: dict[tuple[str, float], float] = {}
+    for log in logs:
+        servo = f"{float(log.period):.4g}", float(log.resolution) / 2
+        jitters[servo] = max(jitters.get(servo, 0.0), float(log.jitter))
     late = f"{delay} periods later" if delay else "without delay"
-    return (
-        f"The input acts as commanded, {late}, and is held for {held} s.",
-        f"The encoder reads the position at the beginning of each hold, {encoder}{steady}.",
-    )
+    for (period, half), jitter in jitters.items():
+        encoder = f"to {half:.4g} {length}" if half > 0 else "exactly"
+        steady = f"; both up to {jitter:.4g} s too early or too late" if jitter > 0 else ""
+        yield f"The input acts as commanded, {late}, and is held for {period} s."
+        yield f"The encoder reads the position at the beginning of each hold, {encoder}{steady}."
 
 
 def narrowed(system: System, *found: Estimate) -> System:

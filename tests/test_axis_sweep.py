@@ -98,7 +98,7 @@ def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
     assert "`factors` must be above zero and differ" in said(folder / "choice", "--factors", 1, 1)
     text = path.read_text()
     path.write_text(text[: text.index("[controller]")] + text[text.index("[log]") :])
-    assert "must have a table [controller] to be swept" in said(folder / "choice")
+    assert "must have a table [controller] to track a motion" in said(folder / "choice")
     (folder / "choice" / "all_1s" / "design.json").write_text("{}")
     assert "must be one of jaxid design, but has no target" in said(folder / "choice")
     (folder / "choice" / "sweep.nc").write_text("mine")
