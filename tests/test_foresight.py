@@ -60,7 +60,8 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo, tole
 
     In one tick in which friction turns, the mean of the ends is 2e-4 m/s off the mean velocity. A
     second difference of positions is that of the two states half-way, but for a knot of the jerk
-    or a turn of friction in between: 4e-9 and 3e-4 m/s² in 98 % of all ticks.
+    or a turn of friction in between: 4e-9 and 3e-4 m/s² in 98 % of all ticks. A turn is a step of
+    2·F_c/M, 3.8 m/s² in the middle of the box, of which the mean of both states takes half.
     """
     log, states = servo.foresight(motor.system(), motion)(motion)
     h = servo.period
@@ -71,7 +72,7 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo, tole
     mean = (states.acceleration[1:] + states.acceleration[:-1]) / 2
     off = np.abs(np.diff(log.position, 2) / h**2 - mean)
     assert np.quantile(off, 0.98) < tolerance
-    assert np.max(off) < 0.5
+    assert np.max(off) < 0.25 / 0.13
     assert np.max(np.abs(mean)) > 40.0
 
 
