@@ -1,6 +1,5 @@
 """A motion for an axis of a file: designed, appraised, exported, checked, and drawn on one page."""
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +11,7 @@ from jaxtyping import Array, Float
 from jaxid import report
 from jaxid.appraisal import Appraisal, appraise
 from jaxid.approach import approach, joined, wait
-from jaxid.axis_file import Axis
+from jaxid.axis_file import PROGRAM, Axis
 from jaxid.checks import require
 from jaxid.design import Report
 from jaxid.feasible import interior
@@ -30,7 +29,6 @@ WANTED = "wanted"  # those of the file, each error over what is wanted
 FILES = (
     "trajectory.csv", "setpoints.csv", "setpoints.mat", "setpoints.h", "design.json", "design.png",
 )  # fmt: skip
-PROGRAM = f"jaxid {version('jaxid')}"
 _TITLES = {ALL: "all parameters", WANTED: "the errors that are wanted"}
 _ROUNDED = 1e-6  # half-widths: what differences of rounded positions may be beyond
 FACTORS = (0.5, 2.0)  # of δ, for which it is shown too what could be guaranteed

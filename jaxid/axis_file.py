@@ -7,6 +7,7 @@ import hashlib
 import importlib.util
 import sys
 from importlib import resources
+from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,8 @@ from jaxid.problem import Task
 from jaxid.sensing import Encoder, IdealSensor, Sensor
 from jaxid.system import System
 from jaxid.trajectory import uniform
+
+PROGRAM = f"jaxid {version('jaxid')}"  # that wrote a result
 
 
 class Axis(NamedTuple):

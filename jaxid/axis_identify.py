@@ -1,7 +1,6 @@
 """From a recorded log of an axis of a file to intervals, and to whether the log belongs to it."""
 
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxid import report
-from jaxid.axis_file import Axis
+from jaxid.axis_file import PROGRAM, Axis
 from jaxid.checks import require
 from jaxid.feasible_set import LEAST
 from jaxid.files import UNITS, write_json
@@ -104,7 +103,7 @@ def summary(found: Identified) -> dict[str, Any]:
     axis, system, proved = found.axis, found.axis.system, found.proved
     logs = [piece.log for piece in found.pieces]
     return {
-        "program": f"jaxid {version('jaxid')}",
+        "program": PROGRAM,
         "consistent": proved.contradiction is None,
         "contradiction": proved.contradiction,
         "least_factor_of_disturbance_bound": _factor(proved),

@@ -1,7 +1,6 @@
 """What an axis of a file will do along a motion: random plants of its box, in its closed loop."""
 
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +12,7 @@ from jaxtyping import Array, Float
 
 from jaxid import report
 from jaxid.axis_design import played
-from jaxid.axis_file import Axis
+from jaxid.axis_file import PROGRAM, Axis
 from jaxid.checks import require
 from jaxid.disturbance import AgainstTracking, NoDisturbance
 from jaxid.files import UNITS, write_json
@@ -132,7 +131,7 @@ def summary(found: Simulated) -> dict[str, Any]:
     system = found.axis.system
     lengths = np.median(found.half_lengths, axis=0), np.max(found.half_lengths, axis=0)
     return {
-        "program": f"jaxid {version('jaxid')}",
+        "program": PROGRAM,
         "seed": found.seed,
         "plants": found.plants,
         "limits": {

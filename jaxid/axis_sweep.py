@@ -20,7 +20,7 @@ from jaxid.axis_design import played
 from jaxid.axis_file import Axis
 from jaxid.checks import require
 from jaxid.control import ARC, Controller
-from jaxid.dataset import Labels, labelled
+from jaxid.dataset import Labels, labelled, names
 from jaxid.disturbance import NoDisturbance
 from jaxid.files import read_trajectory, write_dataset
 from jaxid.runtime import processors
@@ -153,15 +153,15 @@ def scaled(controller: Controller, factor: float) -> Controller:
 
 def bounds_page(path: Path, found: xr.Dataset) -> None:
     """The worst J_f of each parameter over all scenarios, by motion and bandwidth."""
-    names = _names(found.parameter)
-    canvas, panels = report.figure(len(names), 1, (8.0, 2.4 * len(names)))
-    for panel, name in zip(panels, names, strict=True):
+    parameters = names(found.parameter)
+    canvas, panels = report.figure(len(parameters), 1, (8.0, 2.4 * len(parameters)))
+    for panel, name in zip(panels, parameters, strict=True):
         own = found.sel(gains=_usual(found), parameter=name)
         percent = 100 * (own.bound.max("scenario") / own.half_width)
         table = percent.stack(motion=("design", "horizon")).dropna("motion", how="all")
         rows = [f"{design}, {time:g} s" for design, time in table.motion.values]
         values = table.transpose("motion", "bandwidth").values
-        report.heat_map(panel, values, rows, _names(found.bandwidth), "{:.1f}", highest=100.0)
+        report.heat_map(panel, values, rows, names(found.bandwidth), "{:.1f}", highest=100.0)
         report.label(panel, "", "", f"worst $J_f$ of {name}, % of half its prior interval")
     canvas.suptitle("motion by bandwidth; orange: the interval is not reduced", fontsize=12)
     panels[-1].set_xlabel("bandwidth w of the filter (rad/s)", fontsize=12)
@@ -172,7 +172,7 @@ def tracking_page(path: Path, found: xr.Dataset) -> None:
     """Peak tracking error over gains and scenarios, at most over all motions."""
     canvas, (panel,) = report.figure(1, 1, (9.0, 1.8 + 0.7 * found.gains.size))
     worst = found.tracking_error.max(["design", "horizon"]).transpose("gains", "scenario")
-    rows, columns = _names(found.gains), _names(found.scenario)
+    rows, columns = names(found.gains), names(found.scenario)
     report.heat_map(panel, worst.values, rows, columns, "{:.1e}", logarithmic=True)
     unit = found.tracking_error.attrs["units"]
     report.label(panel, "", "gains", f"largest tracking error, {unit} (∞: the loop diverges)")
@@ -184,12 +184,12 @@ def summary(found: xr.Dataset) -> list[tuple[str, float, str, float, float, str]
     """For each motion and parameter the bandwidth with the least of the worst J_f, and that."""
     usual = found.sel(gains=_usual(found)).bound.max("scenario")
     rows = []
-    for design in _names(found.design):
+    for design in names(found.design):
         for time in found.horizon.values:
             own = usual.sel(design=design, horizon=time)
             if bool(own.isnull().all()):
                 continue
-            for name, unit in zip(_names(found.parameter), found.unit.values, strict=True):
+            for name, unit in zip(names(found.parameter), found.unit.values, strict=True):
                 best = own.sel(parameter=name)
                 w = float(best.idxmin("bandwidth"))
                 rows.append((design, float(time), name, w, float(best.min()), str(unit)))
@@ -210,9 +210,5 @@ def text(found: xr.Dataset) -> str:
 
 def _usual(found: xr.Dataset) -> str:
     """The gains of the file, or those nearest to the beginning."""
-    gains = _names(found.gains)
+    gains = names(found.gains)
     return _USUAL if _USUAL in gains else gains[0]
-
-
-def _names(axis: xr.DataArray) -> list[str]:
-    return [f"{value:g}" if axis.dtype.kind in "if" else str(value) for value in axis.values]

@@ -2,14 +2,13 @@
 
 import json
 from collections.abc import Iterable, Sequence
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
 
 import numpy as np
 
 from jaxid import report
 from jaxid.axis_design import (
-    PROGRAM,
     AxisDesign,
     appraised,
     design_axis,
@@ -17,7 +16,7 @@ from jaxid.axis_design import (
     require_possible,
     write_design,
 )
-from jaxid.axis_file import Axis
+from jaxid.axis_file import PROGRAM, Axis
 from jaxid.checks import require
 from jaxid.design import Report
 from jaxid.files import Cell, read_trajectory, write_table
@@ -58,22 +57,18 @@ def tradeoff(
     for folder, (target, longer) in zip(folders, asked, strict=True):
         require_possible(longer, target)
         _require_same(folder, longer, target, in_words(seed, effort))
-    found, least = [], floor(axis.system, axis.task.limits)
+    found = []
     for folder, (target, longer) in zip(folders, asked, strict=True):
-        if not (folder / "design.json").exists():
-            label = folder.name
-            one = design_axis(
-                longer, target, seed, effort, lambda said, label=label: tell(f"{label}: {said}")
-            )
-            write_design(folder, one)
-        motion = read_trajectory(folder / "trajectory.csv", axis.system.coordinate)
-        task = longer.task
-        require(
-            motion.jerk.size == task.intervals
-            and worst_excess(task.limits, task.boundary, motion) <= 0,
-            f"{folder} holds a motion that is not one of this axis: remove it.",
+        label = folder.name
+        if (folder / "design.json").exists():
+            tell(f"{label}: what it is worth")
+            found.append(_kept(folder, longer, target, in_words(seed, effort)))
+            continue
+        one = design_axis(
+            longer, target, seed, effort, lambda said, label=label: tell(f"{label}: {said}")
         )
-        found.append(appraised(longer, target, in_words(seed, effort), motion, least))
+        write_design(folder, one)
+        found.append(one)
     return found
 
 
@@ -114,7 +109,7 @@ def page(path: Path, found: Sequence[AxisDesign]) -> None:
     count = len(system.names)
     canvas, panels = report.figure(1, count, (3.4 * count, 3.8))
     for k, (panel, name, unit) in enumerate(zip(panels, system.names, system.units, strict=True)):
-        for target, colour in zip(targets, report.CYCLE, strict=False):
+        for target, colour in zip(targets, cycle(report.CYCLE), strict=False):
             own = [one for one in found if one.target == target]
             time = [_duration(one.axis) for one in own]
             error = [float(one.worth.guaranteed[k]) for one in own]
@@ -142,3 +137,15 @@ def _require_same(folder: Path, axis: Axis, target: str, search: str) -> None:
         same and np.isclose(there["ends_s"] - there["begins_s"], _duration(axis)),
         f"{folder} holds the design of another axis or search: remove it, or choose another one.",
     )
+
+
+def _kept(folder: Path, axis: Axis, target: str, search: str) -> AxisDesign:
+    """What was designed before, if it is a motion of this axis."""
+    system, task = axis.system, axis.task
+    motion = read_trajectory(folder / "trajectory.csv", system.coordinate)
+    require(
+        motion.jerk.size == task.intervals
+        and worst_excess(task.limits, task.boundary, motion) <= 0,
+        f"{folder} holds a motion that is not one of this axis: remove it.",
+    )
+    return appraised(axis, target, search, motion, floor(system, task.limits))

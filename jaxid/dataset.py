@@ -82,6 +82,11 @@ def labelled(
     )
 
 
+def names(axis: xr.DataArray) -> list[str]:
+    """The entries of a coordinate, to be written beside a picture."""
+    return [f"{value:g}" if axis.dtype.kind in "if" else str(value) for value in axis.values]
+
+
 def _quantities(grid: Grid) -> dict[str, tuple[tuple[str, ...], dict[str, str]]]:
     """Dimensions and attributes of everything that an item gives."""
     length, force = UNITS[grid.system.coordinate], grid.system.input_unit

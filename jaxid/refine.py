@@ -130,6 +130,7 @@ def _quasi_newton(
         def step(
             carry: tuple[Float[Array, " d"], optax.OptState], _: None
         ) -> tuple[tuple[Float[Array, " d"], optax.OptState], None]:
+            """One step, its length by a line search."""
             z, state = carry
             value, grad = value_and_grad(z, state=state)
             update, state = method.update(

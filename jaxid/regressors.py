@@ -62,6 +62,7 @@ class Custom(Regressor):
         return self.function(position, velocity)
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """Over cells of the box, in each of which `range` holds."""
         shares = jnp.linspace(0.0, 1.0, _CELLS + 1)
         (y0, y1), (v0, v1) = (
             (low + shares[:-1] * (high - low), low + shares[1:] * (high - low))
@@ -74,6 +75,7 @@ class Custom(Regressor):
         return jnp.max(size(values).upper)
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """By the slopes from the middle on; without them, as far as points that are tried show."""
         if self.slopes is not None:
             (y, dy), (v, dv) = (
                 ((x.lower + x.upper) / 2, (x.upper - x.lower) / 2) for x in (position, velocity)
@@ -206,6 +208,7 @@ class OneWay(Regressor):
         return self.regressor.magnitude(position, velocity)
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """That of the other regressor where the axis moves so, and zero if it may not."""
         lower, upper = velocity
         clip = jnp.maximum if self.forward else jnp.minimum
         moving = self.regressor.range(position, Range(clip(lower, 0.0), clip(upper, 0.0)))

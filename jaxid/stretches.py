@@ -69,7 +69,7 @@ def prove(
         label = f"stretch {number} of {len(parts)}: " if len(parts) > 1 else ""
         found.read(part, lambda said, label=label: tell(label + said))
     if len(parts) > 1 and _ticks(logs) <= WHOLE:
-        knots = max(_TOGETHER // len(logs), 2)
+        knots = _each(_TOGETHER, logs)
         found.narrow(logs, knots, lambda said: tell(f"together: {said}"))
         if found.unseen:
             found.unseen = found.look(logs, knots)
@@ -103,7 +103,7 @@ class _Reading:
     def read(self, logs: list[Log], tell: Callable[[str], None]) -> None:
         """One more stretch."""
         self.logs += logs
-        knots = max(_KNOTS // len(logs), 2)
+        knots = _each(_KNOTS, logs)
         longest = max(int(log.took_place().sum()) for log in logs)
         self.coarse = max(self.coarse, longest / knots)
         tell("smallest δ that explains it")
@@ -130,7 +130,7 @@ class _Reading:
         except ValueError as contradiction:  # this reading can see what the first did not
             self.contradiction = str(contradiction)
             if _ticks(self.logs) <= WHOLE:  # stretches may contradict one another, none itself
-                many = max(_TOGETHER // len(self.logs), 2)
+                many = _each(_TOGETHER, self.logs)
                 self.factor = explaining_factor(self.system, self.logs, many, self.factor)
         else:
             self.estimates.append(found.estimate)
@@ -167,6 +167,11 @@ def rounded_down(factor: float) -> float:
     """To three digits: what is needed at least."""
     digits = 2 - floor(log10(factor))
     return floor(factor * 10**digits) / 10**digits
+
+
+def _each(knots: int, logs: Sequence[Log]) -> int:
+    """Of all logs together, for one of them."""
+    return max(knots // len(logs), 2)
 
 
 def _ticks(logs: Sequence[Log]) -> int:

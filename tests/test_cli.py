@@ -134,6 +134,19 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(axis_tradeoff, "design_axis", None)  # not called again
     cli.main(asked)
     assert (out / "tradeoff.csv").read_text() == before
+    motion = out / "M_0.5s" / "trajectory.csv"
+    kept = motion.read_text()
+    shutil.copy(out / "M_0.6s" / "trajectory.csv", motion)
+    assert "M_0.5s holds a motion that is not one of this axis" in refused(
+        capsys, *asked, "--force"
+    )
+    rows = kept.splitlines()
+    faster = ",".join([*rows[1].split(",")[:-1], "9999.0"])
+    motion.write_text("\n".join([rows[0], faster, *rows[2:]]) + "\n")
+    assert "M_0.5s holds a motion that is not one of this axis" in refused(
+        capsys, *asked, "--force"
+    )
+    motion.write_text(kept)
     path.write_text(path.read_text() + "# another axis\n")
     assert "M_0.5s holds the design of another axis" in refused(capsys, *asked, "--force")
 

@@ -78,6 +78,19 @@ def test_a_clock_without_jitter_has_none_and_its_log_is_whole():
     assert float(piece.log.jitter) == 0.0
 
 
+def test_a_clock_that_has_run_since_an_epoch_is_read_to_its_last_digit():
+    """Stamps of 1.7e9 s are multiples of 0.24 µs: where the true instants are, the log says."""
+    n, period = 8192, 0.0002
+    true = period * np.arange(n)
+    (piece,) = steady(recorded(1.7e9 + true), period, Q)
+    assert rows_used([piece]) == n
+    log = piece.log
+    assert 0 < float(log.jitter) < 2.4e-7
+    read = float(log.period) * (np.arange(n) - (n - 1) / 2)
+    off = read - (true - true.mean())
+    assert np.max(np.abs(off)) <= float(log.jitter)
+
+
 def test_pieces_of_many_lengths_have_few_shapes():
     time = H * np.arange(6000)
     log = recorded(time)
