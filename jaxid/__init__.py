@@ -89,9 +89,9 @@ simulate, system
     axis_design <- appraisal, approach, axis_file, checks, design, feasible, feasible_set, files, \
 floor, foresight, guarantee, motion_design, report, setpoints, trajectory
     axis_tradeoff <- axis_design, axis_file, checks, design, files, floor, limits, motion_design, \
-report
-    axis_prior <- axis_file, disturbance_bounds, feasible_set, fit, log, log_file, regressors, \
-report, steady, system
+report, trajectory
+    axis_prior <- axis_file, checks, disturbance_bounds, feasible_set, fit, log, log_file, \
+regressors, report, steady, system
     axis_identify <- axis_file, checks, feasible_set, files, fit, guarantee, limits, log, \
 log_file, report, steady, stretches, system
     axis_simulate <- axis_design, axis_file, checks, disturbance, files, guarantee, limits, log, \
@@ -136,7 +136,7 @@ from jaxid.limits import (
     position_at_least,
     through,
 )
-from jaxid.log import Log
+from jaxid.log import ContradictionError, Log
 from jaxid.loop import Loop, Sampled, Scenarios
 from jaxid.minimax import Optimum, minimax
 from jaxid.motion_design import GuaranteedEffort, design_guaranteed, design_motion
@@ -162,6 +162,7 @@ __all__ = [
     "Cogging",
     "Constant",
     "ConstantBound",
+    "ContradictionError",
     "Coulomb",
     "Custom",
     "Design",

@@ -1,5 +1,6 @@
 """A motion for an axis of a file: designed, appraised, exported, checked, and drawn on one page."""
 
+import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -152,6 +153,20 @@ def write_design(folder: Path, found: AxisDesign) -> dict[str, float]:
     page(folder / "design.png", found)
     write_json(folder / "design.json", summary(found, left))  # last: then all is there
     return left
+
+
+def of_another_axis(folder: Path, axis: Axis) -> tuple[Path, ...]:
+    """Designs in a folder, or in folders of it, whose axis file has changed since."""
+    return tuple(
+        path.parent
+        for path in designs_in(folder)
+        if json.loads(path.read_text()).get("axis_sha256") != axis.digest
+    )
+
+
+def designs_in(folder: Path) -> list[Path]:
+    """Every design.json of `write_design` or `tradeoff`."""
+    return sorted([*folder.glob("design.json"), *folder.glob("*/design.json")])
 
 
 def summary(found: AxisDesign, left: dict[str, float]) -> dict[str, Any]:

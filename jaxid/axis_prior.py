@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxid.axis_file import Axis
+from jaxid.checks import require
 from jaxid.disturbance_bounds import ConstantBound
-from jaxid.feasible_set import explaining_factor
+from jaxid.feasible_set import MOST, explaining_factor
 from jaxid.fit import fit
 from jaxid.log import Log
 from jaxid.log_file import Recorded
@@ -105,4 +106,10 @@ def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) ->
     level = float(np.sqrt(np.mean(rest**2))) or 1.0
     unit = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(level))
     knots = max(_KNOTS // len(logs), 2)
-    return level * explaining_factor(unit, logs, knots)
+    factor = explaining_factor(unit, logs, knots)
+    require(
+        factor < MOST,
+        f"Argument `recorded`: not even {MOST:g} times the rest of least squares explains it as a "
+        "disturbance; an input, a unit or a sign must be wrong.",
+    )
+    return level * factor

@@ -132,6 +132,7 @@ def summary(found: Simulated) -> dict[str, Any]:
     lengths = np.median(found.half_lengths, axis=0), np.max(found.half_lengths, axis=0)
     return {
         "program": PROGRAM,
+        "axis_sha256": found.axis.digest,
         "seed": found.seed,
         "plants": found.plants,
         "limits": {

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from jaxid import blocks, report
-from jaxid.axis_design import played
+from jaxid.axis_design import designs_in, played
 from jaxid.axis_file import Axis
 from jaxid.checks import require
 from jaxid.control import ARC, Controller
@@ -110,9 +110,8 @@ def study(
 
 def motions_in(folder: Path, coordinate: str) -> dict[tuple[str, float], JerkTrajectory]:
     """By what they were designed for, and their duration, s."""
-    paths = sorted([*folder.glob("design.json"), *folder.glob("*/design.json")])
     found = {}
-    for path in paths:
+    for path in designs_in(folder):
         motion = read_trajectory(path.parent / "trajectory.csv", coordinate)
         try:
             target = str(json.loads(path.read_text())["target"])

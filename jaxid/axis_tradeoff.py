@@ -5,8 +5,6 @@ from collections.abc import Iterable, Sequence
 from itertools import cycle, product
 from pathlib import Path
 
-import numpy as np
-
 from jaxid import report
 from jaxid.axis_design import (
     AxisDesign,
@@ -23,6 +21,7 @@ from jaxid.files import Cell, read_trajectory, write_table
 from jaxid.floor import floor
 from jaxid.limits import worst_excess
 from jaxid.motion_design import GuaranteedEffort
+from jaxid.trajectory import JerkTrajectory
 
 FILES = ("tradeoff.csv", "tradeoff.png")
 COLUMNS = ("target", "duration_s", "parameter", "unit", "J", "guaranteed", "floor", "gap")
@@ -36,6 +35,8 @@ def tradeoff(
     seed: int = 0,
     effort: GuaranteedEffort = GuaranteedEffort(),
     tell: Report = lambda message: None,
+    *,
+    replace: bool = False,
 ) -> list[AxisDesign]:
     """Every target with every duration; each design is kept in a folder of its own when found.
 
@@ -47,27 +48,35 @@ def tradeoff(
         seed: of each search.
         effort: of each search.
         tell: told what goes on.
+        replace: a design of something else that a folder holds.
 
     Raises:
         InfeasibleError: if no motion of a duration keeps the limits.
-        ValueError: if a folder holds another design.
+        ValueError: if a folder holds another design that must not be replaced.
     """
     asked = [(target, axis.lasting(duration)) for target, duration in product(targets, durations)]
     folders = [out / f"{target}_{_duration(longer):.12g}s" for target, longer in asked]
+    search, kept = in_words(seed, effort), []
     for folder, (target, longer) in zip(folders, asked, strict=True):
         require_possible(longer, target)
-        _require_same(folder, longer, target, in_words(seed, effort))
-    found = []
-    for folder, (target, longer) in zip(folders, asked, strict=True):
-        label = folder.name
-        if (folder / "design.json").exists():
-            tell(f"{label}: what it is worth")
-            found.append(_kept(folder, longer, target, in_words(seed, effort)))
-            continue
-        one = design_axis(
-            longer, target, seed, effort, lambda said, label=label: tell(f"{label}: {said}")
+        kept.append(_kept(folder, longer, target, search))
+        require(
+            kept[-1] is not None or replace or not (folder / "design.json").exists(),
+            f"{folder} holds a design that is none of this axis and search: choose another folder, "
+            "or allow to replace it with --force.",
         )
-        write_design(folder, one)
+    found = []
+    for folder, (target, longer), motion in zip(folders, asked, kept, strict=True):
+        label = folder.name
+        if motion is None:
+            one = design_axis(
+                longer, target, seed, effort, lambda said, label=label: tell(f"{label}: {said}")
+            )
+            write_design(folder, one)
+        else:
+            tell(f"{label}: what it is worth")
+            least = floor(longer.system, longer.task.limits)
+            one = appraised(longer, target, search, motion, least)
         found.append(one)
     return found
 
@@ -125,27 +134,15 @@ def _duration(axis: Axis) -> float:
     return round(axis.task.intervals * axis.task.period, 12)
 
 
-def _require_same(folder: Path, axis: Axis, target: str, search: str) -> None:
-    """Refuse a folder that holds the design of something else."""
-    path = folder / "design.json"
-    if not path.exists():
-        return
-    there = json.loads(path.read_text())
+def _kept(folder: Path, axis: Axis, target: str, search: str) -> JerkTrajectory | None:
+    """The motion that was designed before, if it is one for this and within the limits."""
+    if not (folder / "design.json").exists():
+        return None
+    there = json.loads((folder / "design.json").read_text())
     names = "axis_sha256", "target", "search", "program"
-    same = (axis.digest, target, search, PROGRAM) == tuple(there.get(name) for name in names)
-    require(
-        same and np.isclose(there["ends_s"] - there["begins_s"], _duration(axis)),
-        f"{folder} holds the design of another axis or search: remove it, or choose another one.",
-    )
-
-
-def _kept(folder: Path, axis: Axis, target: str, search: str) -> AxisDesign:
-    """What was designed before, if it is a motion of this axis."""
-    system, task = axis.system, axis.task
-    motion = read_trajectory(folder / "trajectory.csv", system.coordinate)
-    require(
-        motion.jerk.size == task.intervals
-        and worst_excess(task.limits, task.boundary, motion) <= 0,
-        f"{folder} holds a motion that is not one of this axis: remove it.",
-    )
-    return appraised(axis, target, search, motion, floor(system, task.limits))
+    if (axis.digest, target, search, PROGRAM) != tuple(there.get(name) for name in names):
+        return None
+    motion = read_trajectory(folder / "trajectory.csv", axis.system.coordinate)
+    right = motion.jerk.size == axis.task.intervals
+    right = right and worst_excess(axis.task.limits, axis.task.boundary, motion) <= 0
+    return motion if right else None

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxid.checks import is_concrete, require, require_float64
-from jaxid.log import Log
+from jaxid.log import ContradictionError, Log
 from jaxid.quantities import Scalar
 from jaxid.ranges import Range, around, common, exactly, hull, minus, plus, scaled, size, times
 from jaxid.system import System
@@ -48,8 +48,8 @@ def brackets(system: System, log: Log) -> Brackets:
         log: of at least two ticks.
 
     Raises:
-        ValueError: if no plant of the system can have left this log, or if its period is too long
-            for any bracket.
+        ContradictionError: if no plant of the system can have left this log.
+        ValueError: if its period is too long for any bracket.
     """
     require_float64("log", log)
     found = _brackets(system, log)
@@ -65,6 +65,7 @@ def brackets(system: System, log: Log) -> Brackets:
             float(room[tick]) >= 0,
             "Argument `log`: no plant within the box and δ can have left it; its positions and "
             f"inputs contradict each other around tick {tick}.",
+            ContradictionError,
         )
     return found
 

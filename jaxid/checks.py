@@ -14,10 +14,10 @@ def is_concrete(tree: Any) -> bool:
     return not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
-def require(condition: Any, sentence: str) -> None:
-    """Raise `ValueError(sentence)` unless `condition` holds."""
+def require(condition: Any, sentence: str, error: type[ValueError] = ValueError) -> None:
+    """Raise `error(sentence)` unless `condition` holds."""
     if not condition:
-        raise ValueError(sentence)
+        raise error(sentence)
 
 
 def require_positive(name: str, owner: str, value: Any) -> None:

@@ -9,7 +9,7 @@ import tyro
 from tqdm import tqdm
 
 from jaxid import axis_design, axis_identify, axis_prior, axis_simulate, axis_sweep, axis_tradeoff
-from jaxid.axis_design import ALL, design_axis
+from jaxid.axis_design import ALL, design_axis, of_another_axis
 from jaxid.axis_file import Axis, Coordinate, example, read_axis
 from jaxid.axis_identify import identify_axis
 from jaxid.axis_prior import propose
@@ -102,7 +102,7 @@ def design(
     with tqdm(bar_format="{desc} ({elapsed})") as line:
         search = seed, EFFORTS[effort], line.set_description
         if several:
-            found = tradeoff(known, target, times, out, *search)
+            found = tradeoff(known, target, times, out, *search, replace=force)
         else:
             found = [design_axis(known.lasting(times[0]), target[0], *search)]
     if several:
@@ -141,6 +141,7 @@ def simulate(
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
         found = simulate_axis(known, motion, plants, logs, seed, line.set_description)
     axis_simulate.write_simulated(design, found)
+    _tell_changed(axis, design, known)
     print(axis_simulate.text(found))
     print(f"Written to {design}: {', '.join(axis_simulate.FILES)}")
 
@@ -180,6 +181,7 @@ def sweep(
 
         found = axis_sweep.sweep_axis(known, design, bandwidths, factors, plants, seed, tell)
     axis_sweep.write_sweep(design, found)
+    _tell_changed(axis, design, known)
     print(axis_sweep.text(found))
     print(f"Written to {design}: {', '.join(axis_sweep.FILES)}")
 
@@ -243,6 +245,12 @@ def _columns(path: Path, axis: Axis) -> Columns:
     if axis.columns is None:
         raise ValueError(f"File {path} must say in a table [log] which column is what: jaxid init.")
     return axis.columns
+
+
+def _tell_changed(path: Path, design: Path, axis: Axis) -> None:
+    """Of motions whose numbers are not of this axis."""
+    for folder in of_another_axis(design, axis):
+        print(f"{path} has changed since {folder} was designed: design.json there is not about it.")
 
 
 def _keep(paths: Iterable[Path], force: bool) -> None:

@@ -25,7 +25,7 @@ from jaxid.checks import require
 from jaxid.disturbance_bounds import Scaled
 from jaxid.estimate import Estimate
 from jaxid.joint import read_together
-from jaxid.log import Log
+from jaxid.log import ContradictionError, Log
 from jaxid.log_rows import ROUNDED, Logged
 from jaxid.modulating import Program, pieces
 from jaxid.quantities import Scalar
@@ -33,7 +33,7 @@ from jaxid.record import Record
 from jaxid.system import System
 
 _DIRECTIONS = 48  # of a projection
-LEAST, _MOST = 1e-3, 1e3  # factors of δ that are looked at
+LEAST, MOST = 1e-3, 1e3  # factors of δ that are looked at
 _CLOSE = 1e-3  # relative, of the smallest one
 _COARSE = 1000  # knots, to begin with
 _WIDER = 1.03  # times the factor that few knots find: all find 2 or 3 % more of the motor's
@@ -68,7 +68,7 @@ def feasible_set(
         knots: of the weights, at most; default all rows.
 
     Raises:
-        ValueError: if nothing is left; `smallest_factor` says by how much δ is too small.
+        ContradictionError: if nothing is left; `smallest_factor` says by how much δ is too small.
     """
     system = logged.system
     program, misfit = _program(logged, knots)
@@ -78,6 +78,7 @@ def feasible_set(
         "Argument `logged`: no θ of the box can have left these data with |Δ| ≤ δ, but at least "
         f"{needed:.4g}·δ; δ, the box or the errors of the sensor are too small, or an input is not "
         "what was commanded. `smallest_factor` says what δ must be multiplied by.",
+        ContradictionError,
     )
     axes = np.eye(len(system.names))
     upper = _ends(logged, program, misfit, axes)
@@ -93,6 +94,7 @@ def feasible_set(
             float(low) <= float(high),
             f"Argument `others`: their intervals for {name} and what these data leave have nothing "
             f"in common ({float(low):.6g} is above {float(high):.6g}).",
+            ContradictionError,
         )
     return FeasibleSet(lower, upper)
 
@@ -137,6 +139,8 @@ def smallest_factor(
 ) -> float:
     """The largest s for which s·δ is proved not to explain the data; a thousandth more may do.
 
+    It is `MOST` if not even that does; then an input, a unit or a sign must be wrong.
+
     Args:
         rows: the data as rows, with δ multiplied by a factor; for a log its brackets depend on it.
         knots: of the weights, at most; default all rows.
@@ -147,24 +151,22 @@ def smallest_factor(
         """Of a multiple of δ once more; infinite where not even the brackets have room."""
         try:
             logged = rows(jnp.asarray(factor))
-        except ValueError:
+        except ContradictionError:
             return np.inf
         return _needed(logged, *_program(logged, count))
 
-    size = rows(
-        jnp.asarray(_MOST)
-    ).record.rows.delta.size  # what is wrong with any δ says so itself
+    try:
+        size = rows(jnp.asarray(MOST)).record.rows.delta.size
+    except ContradictionError:
+        return MOST
     wanted = size if knots is None else min(knots, size)
     low, high, n_low = least, least, np.inf
     for count in dict.fromkeys((min(_COARSE, wanted), wanted)):  # what few see, all would see
         while (n_high := needed(high, count)) > 1.0:
-            require(
-                high < _MOST,
-                f"Argument `rows`: even {_MOST:g}·δ does not explain the data; an input, a unit or "
-                "a sign must be wrong.",
-            )
+            if high == MOST:
+                return MOST
             low, n_low = high, n_high
-            high = min(high * max(n_high, _WIDER), _MOST)
+            high = min(high * max(n_high, _WIDER), MOST)
         low, high = _closed_in(partial(needed, count=count), (low, n_low), (high, n_high))
     return low
 
@@ -177,7 +179,7 @@ def explaining_factor(
     Args:
         system: its box and δ.
         logs: of one axis.
-        knots: of the weights, at most, for each log; default all rows.
+        knots: of the weights, at most, for each log on average; default all rows.
         least: what is returned if already it may explain them.
     """
     return smallest_factor(lambda s: read_together(louder(system, s), logs), knots, least)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from jaxid.checks import require
 from jaxid.estimate import Estimate
 from jaxid.joint import read_together
-from jaxid.log import Log
+from jaxid.log import ContradictionError, Log
 from jaxid.log_rows import Logged, guaranteed
 from jaxid.modulating import KNOTS, modulating
 from jaxid.system import System
@@ -42,7 +42,7 @@ def identify_log(system: System, log: Log, knots: int = KNOTS) -> Guarantee:
         knots: of the modulating functions, at most.
 
     Raises:
-        ValueError: if no plant of the system can have left the log.
+        ContradictionError: if no plant of the system can have left the log.
     """
     return identify_logs(system, [log], knots)
 
@@ -57,10 +57,10 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
     Args:
         system: its box and δ, which the intervals rest on.
         logs: of the same axis; their periods and encoders may differ.
-        knots: of the modulating functions, at most, for each log.
+        knots: of the modulating functions, at most, for each log on average.
 
     Raises:
-        ValueError: if no plant of the system can have left the logs.
+        ContradictionError: if no plant of the system can have left the logs.
     """
     require(
         any(log.input.size > 1 for log in logs),
@@ -146,7 +146,7 @@ def narrowed(system: System, *found: Estimate) -> System:
     """The system with what the intervals of all estimates have in common for its box.
 
     Raises:
-        ValueError: if they have nothing.
+        ContradictionError: if they have nothing.
     """
     lower = functools.reduce(jnp.maximum, [one.lower for one in found])
     upper = functools.reduce(jnp.minimum, [one.upper for one in found])
@@ -157,7 +157,7 @@ def within(system: System, lower: Float[Array, " m"], upper: Float[Array, " m"])
     """The system with another box.
 
     Raises:
-        ValueError: if an interval is empty.
+        ContradictionError: if an interval is empty.
     """
     for name, low, high in zip(system.names, lower, upper, strict=True):
         require(
@@ -166,6 +166,7 @@ def within(system: System, lower: Float[Array, " m"], upper: Float[Array, " m"])
             f"resolution is too small (the data ask for {name} from {float(low):.6g} on, the box "
             f"and the data before allow it up to {float(high):.6g}). `smallest_factor` says by how "
             "much δ is.",
+            ContradictionError,
         )
     ends = [jnp.stack(pair) for pair in zip(lower, upper, strict=True)]
     return eqx.tree_at(lambda s: [term.interval for term in s.terms], system, ends)

@@ -12,6 +12,10 @@ _ROUNDINGS = 4  # of a position: when it is read, and in a difference of two or 
 JITTER = 0.1  # of a period, at most: beyond it a log is hardly one of ticks
 
 
+class ContradictionError(ValueError):
+    """Data that nothing within the box and δ can have left."""
+
+
 class Log(eqx.Module):
     """A sampled experiment: u_k is held from t_k to t_{k+1}, positions are read at t_0 … t_n.
 

@@ -22,8 +22,16 @@ from scipy.optimize import OptimizeResult, linprog
 from jaxid.bound import Norm
 from jaxid.log_rows import Logged
 
-Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
+_FEW = 2  # knots of a short log
 KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
+
+
+class Piece(NamedTuple):
+    """The rows of a log: the first, the one after the last, and its share of the time of all."""
+
+    start: int
+    stop: int
+    share: float
 
 
 def modulating(
@@ -35,7 +43,7 @@ def modulating(
         logged: by `hats`.
         box: b, half the widths of the prior box, in the units of the parameters.
         norm: the functionals; without one, the m parameters themselves.
-        knots: at most, of each log.
+        knots: at most, of each log on average: all logs share them by how long they took.
     """
     rows, half_widths = logged.record.rows, np.asarray(box)
     functionals = np.eye(half_widths.size) if norm is None else np.asarray(norm.functionals)
@@ -45,11 +53,13 @@ def modulating(
     return jnp.asarray(optimal(phi, delta, noise, half_widths, functionals, knots, runs)[0])
 
 
-def pieces(measure: Float[Array, " n"]) -> Pieces:
-    """The rows of each log: what padding parts."""
-    counted = np.pad(np.asarray(measure) > 0, 1).astype(int)
+def pieces(measure: Float[Array, " n"]) -> tuple[Piece, ...]:
+    """Each log: what padding parts."""
+    time = np.asarray(measure)
+    counted = np.pad(time > 0, 1).astype(int)
     starts, stops = (np.flatnonzero(np.diff(counted) == sign) for sign in (1, -1))
-    return tuple(zip(starts.tolist(), stops.tolist(), strict=True))
+    ends = zip(starts.tolist(), stops.tolist(), strict=True)
+    return tuple(Piece(i, k, float(time[i:k].sum() / time.sum())) for i, k in ends)
 
 
 def optimal(
@@ -59,7 +69,7 @@ def optimal(
     half_widths: Float[np.ndarray, " m"],
     functionals: Float[np.ndarray, "k m"],
     knots: int,
-    runs: Pieces | None = None,
+    runs: tuple[Piece, ...] | None = None,
 ) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k m"]]:
     """Weights, and the multipliers ν of c − Φᵀg: what a change of Φ costs is −gν.
 
@@ -69,8 +79,8 @@ def optimal(
         noise: bounds of what second differences of the weights are multiplied by.
         half_widths: of the prior box.
         functionals: c.
-        knots: at most.
-        runs: the rows of each log; default all rows of one.
+        knots: at most, as those of `modulating`.
+        runs: each log; default one of all rows.
     """
     program = Program(phi, delta, noise, half_widths, knots, runs)
     found = [program.least(c) for c in functionals]
@@ -88,10 +98,10 @@ class Program:
         noise: Float[np.ndarray, " samples"],
         half_widths: Float[np.ndarray, " m"],
         knots: int,
-        runs: Pieces | None = None,
+        runs: tuple[Piece, ...] | None = None,
     ) -> None:
         """The arguments are those of `optimal`."""
-        whole = ((0, delta.size),)
+        whole = (Piece(0, delta.size, 1.0),)
         self.basis, kinks, second = _family(delta.size, whole if runs is None else runs, knots)
         self.half_widths = half_widths
         self.delta = delta @ self.basis
@@ -177,8 +187,12 @@ class _Family(NamedTuple):
 
 
 @functools.lru_cache(maxsize=4)
-def _family(size: int, runs: Pieces, most: int) -> _Family:
-    blocks = [_hats(start, stop - start, size, most) for start, stop in runs]
+def _family(size: int, runs: tuple[Piece, ...], most: int) -> _Family:
+    total = most * len(runs)
+    blocks = [
+        _hats(run.start, run.stop - run.start, size, max(round(total * run.share), _FEW))
+        for run in runs
+    ]
     # where no row counts, there are no weights
     basis = sparse.csr_array(sparse.hstack([sparse.csr_array((size, 0)), *blocks]))
     turning = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, -1, -2], shape=(size + 2, size))

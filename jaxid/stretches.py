@@ -1,8 +1,8 @@
 """Many or long logs, stretch by stretch: each read with the box that those before it leave.
 
 All of them together are one linear program, which takes minutes where its stretches take seconds.
-It is solved in the end, with fewer weights to a tick, if the logs are not too long. From longer
-ones, what only several stretches together could tell apart remains untold.
+It is solved in the end, with fewer weights to a tick; of longer logs for the stretches that tell
+most together.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid.estimate import Estimate
-from jaxid.feasible_set import LEAST, blind, explaining_factor, feasible_set, louder
+from jaxid.feasible_set import LEAST, MOST, blind, explaining_factor, feasible_set, louder
 from jaxid.guarantee import best, identify_logs, within
 from jaxid.joint import read_together
-from jaxid.log import Log
+from jaxid.log import ContradictionError, Log
 from jaxid.system import System
 
 STRETCH = 8192  # ticks at most: linear programs of a second
@@ -25,6 +25,7 @@ WHOLE = 50_000  # ticks at most that are read together as well
 _KNOTS = 1000  # of a stretch: ten times as many gain nothing of the motor's intervals
 _TOGETHER = 3000  # knots
 _FINER = 3  # for δ alone: with fewer weights a smaller one seems enough, by 2 % for the motor
+_ABSURD = ": an input, a unit or a sign must be wrong"
 _SAME = 1e-6  # of a prior interval: what has shrunk by less is whole
 _FAR = 0.5  # of δ: nothing that finer weights would see of it contradicts the axis
 
@@ -33,7 +34,8 @@ class Proved(NamedTuple):
     """What logs say of an axis.
 
     Attributes:
-        factor: of δ, which some stretch takes at least; `LEAST` where none takes that much.
+        factor: of δ, which some stretch takes at least; `LEAST` where none takes that much, `MOST`
+            where not even that explains it.
         contradiction: in what way the logs contradict the axis, if they do.
         estimate: unless they do.
         lower: ends of all that they leave possible, unless they contradict the axis.
@@ -68,11 +70,12 @@ def prove(
     for number, part in enumerate(parts, 1):
         label = f"stretch {number} of {len(parts)}: " if len(parts) > 1 else ""
         found.read(part, lambda said, label=label: tell(label + said))
-    if len(parts) > 1 and _ticks(logs) <= WHOLE:
-        knots = _each(_TOGETHER, logs)
-        found.narrow(logs, knots, lambda said: tell(f"together: {said}"))
+    if len(parts) > 1 and found.factor < MOST:
+        chosen = logs if _ticks(logs) <= WHOLE else most_telling(found.explained, parts)
+        knots = _each(_TOGETHER, chosen)
+        found.narrow(chosen, knots, lambda said: tell(f"together: {said}"))
         if found.unseen:
-            found.unseen = found.look(logs, knots)
+            found.unseen = found.look(chosen, knots)
     return found.result(len(parts))
 
 
@@ -85,6 +88,31 @@ def stretches(logs: Sequence[Log]) -> Iterator[list[Log]]:
             part = []
         part.append(log)
     yield part
+
+
+def most_telling(system: System, parts: Sequence[list[Log]]) -> list[Log]:
+    """Logs of as many stretches as are read together, which tell most of all parameters.
+
+    One by one that which adds most to the determinant of their information (D-optimality): a choice
+    that no interval rests on.
+    """
+    told = [_information(system, part) for part in parts]
+    chosen: list[int] = []
+    total, left = np.eye(len(system.names)), WHOLE
+    while fitting := [k for k, p in enumerate(parts) if k not in chosen and _ticks(p) <= left]:
+        best = max(fitting, key=lambda k: np.linalg.slogdet(total + told[k])[1])
+        chosen.append(best)
+        total, left = total + told[best], left - _ticks(parts[best])
+    return [log for k in sorted(chosen) for log in parts[k]]
+
+
+def _information(system: System, logs: Sequence[Log]) -> Float[np.ndarray, "m m"]:
+    """In units of the box and δ."""
+    rows = read_together(system, logs).record.rows
+    count = np.asarray(rows.measure) > 0
+    phi = np.asarray(rows.regressors) * np.asarray(system.half_widths)
+    phi = phi[count] / np.asarray(rows.delta)[count, None]
+    return phi.T @ phi
 
 
 class _Reading:
@@ -109,8 +137,10 @@ class _Reading:
         tell("smallest δ that explains it")
         for count in (knots, _FINER * knots):
             self.factor = explaining_factor(self.system, logs, count, self.factor)
-            if self.factor < _FAR:
+            if self.factor < _FAR or self.factor == MOST:
                 break
+        if self.factor == MOST:
+            return
         if self.unseen is None or self.unseen:
             tell("what the motion cannot tell apart")
             now = self.look(logs, knots)
@@ -127,7 +157,7 @@ class _Reading:
             found = identify_logs(self.known, logs, knots)
             tell("all that is possible")
             left = feasible_set(found.logged, [found.estimate], knots)
-        except ValueError as contradiction:  # this reading can see what the first did not
+        except ContradictionError as contradiction:  # this reading can see what the first did not
             self.contradiction = str(contradiction)
             if _ticks(self.logs) <= WHOLE:  # stretches may contradict one another, none itself
                 many = _each(_TOGETHER, self.logs)
@@ -139,10 +169,10 @@ class _Reading:
     def result(self, count: int) -> Proved:
         """Of all stretches."""
         if self.factor > 1:
-            needed = (
-                f"disturbances of {rounded_down(self.factor):g} times δ or more would be needed"
+            self.contradiction = (
+                f"Within the box, disturbances of {rounded_down(self.factor):g} times δ or more "
+                f"would be needed{_ABSURD if self.factor == MOST else ''}."
             )
-            self.contradiction = f"Within the box, {needed}."
         shrunk = (self.known.upper - self.known.lower) < (1 - _SAME) * 2 * self.system.half_widths
         told = {name for name, less in zip(self.system.names, shrunk, strict=True) if less}
         estimate = None if self.contradiction else best(self.estimates)
@@ -157,10 +187,14 @@ class _Reading:
             self.coarse,
         )
 
+    @property
+    def explained(self) -> System:
+        """With a δ for which all that was read is possible."""
+        return self.system if self.factor <= 1 else louder(self.system, 1.01 * self.factor)
+
     def look(self, logs: Sequence[Log], knots: int) -> dict[str, Float[np.ndarray, " m"]]:
         """What these logs cannot tell apart."""
-        explained = self.system if self.factor <= 1 else louder(self.system, 1.01 * self.factor)
-        return blind(read_together(explained, logs), knots)
+        return blind(read_together(self.explained, logs), knots)
 
 
 def rounded_down(factor: float) -> float:

@@ -14,6 +14,7 @@ from jaxid.axis_identify import FILES, identify_axis
 from jaxid.experiment import log_of, run
 from jaxid.files import read_trajectory
 from jaxid.guarantee import identify_logs
+from jaxid.log import ContradictionError
 from jaxid.log_file import Recorded
 from jaxid.sensing import Encoder
 from jaxid.steady import steady
@@ -109,11 +110,25 @@ def test_a_log_with_a_large_unknown_force_is_falsified(tmp_path, log, capsys):
     assert all("guaranteed" not in one for one in found["parameters"].values())
 
 
+def test_what_no_disturbance_explains_is_a_contradiction_too(tmp_path, log, capsys):
+    """The zero of the positions moves by 0.2 m within a tick."""
+    rows = rows_of(log)[:600]
+    rows[300:, 2] += 0.2e6
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["identify", *written(tmp_path, rows)])
+    assert stopped.value.code == 3
+    sentence = "1000 times δ or more would be needed: an input, a unit or a sign must be wrong."
+    assert sentence in capsys.readouterr().out
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert sentence in found["contradiction"]
+    assert found["least_factor_of_disturbance_bound"] == 1000.0
+
+
 def test_a_contradiction_of_the_second_reading_is_one_too(tmp_path, log, monkeypatch, capsys):
     """The first reading may find δ large enough, and the box that it leaves still be empty."""
 
     def refused(*arguments):
-        raise ValueError("no M in its prior interval can have left it.")
+        raise ContradictionError("no M in its prior interval can have left it.")
 
     monkeypatch.setattr(stretches, "identify_logs", refused)
     with pytest.raises(SystemExit) as stopped:

@@ -11,7 +11,7 @@ import pytest
 from experiments.linear_motor.designs import TOY, with_starts
 from jaxid import axis_tradeoff, cli
 from jaxid.appraisal import appraise
-from jaxid.axis_design import FILES, appraised, in_words
+from jaxid.axis_design import FILES, appraised, in_words, of_another_axis
 from jaxid.axis_file import read_axis
 from jaxid.axis_simulate import simulate_axis
 from jaxid.feasible import interior
@@ -134,21 +134,25 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(axis_tradeoff, "design_axis", None)  # not called again
     cli.main(asked)
     assert (out / "tradeoff.csv").read_text() == before
+    (out / "tradeoff.csv").unlink()
+    (out / "tradeoff.png").unlink()
     motion = out / "M_0.5s" / "trajectory.csv"
     kept = motion.read_text()
     shutil.copy(out / "M_0.6s" / "trajectory.csv", motion)
-    assert "M_0.5s holds a motion that is not one of this axis" in refused(
-        capsys, *asked, "--force"
-    )
+    assert "M_0.5s holds a design that is none of this axis" in refused(capsys, *asked)
     rows = kept.splitlines()
     faster = ",".join([*rows[1].split(",")[:-1], "9999.0"])
     motion.write_text("\n".join([rows[0], faster, *rows[2:]]) + "\n")
-    assert "M_0.5s holds a motion that is not one of this axis" in refused(
-        capsys, *asked, "--force"
-    )
+    assert "M_0.5s holds a design that is none of this axis" in refused(capsys, *asked)
     motion.write_text(kept)
     path.write_text(path.read_text() + "# another axis\n")
-    assert "M_0.5s holds the design of another axis" in refused(capsys, *asked, "--force")
+    assert "M_0.5s holds a design that is none of this axis" in refused(capsys, *asked)
+    # what may be replaced is designed anew, for the axis as it is now
+    assert len(of_another_axis(out, read_axis(path))) == 4
+    monkeypatch.setattr(axis_tradeoff, "design_axis", hardly_designed)
+    cli.main([*asked, "--force"])
+    assert of_another_axis(out, read_axis(path)) == ()
+    assert (out / "tradeoff.csv").read_text() == before
 
 
 def test_what_cannot_be_designed_is_said_in_a_sentence(tmp_path, capsys):
@@ -195,8 +199,10 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     path.write_text(path.read_text().replace("# home = 1.0 ", "home = 0.3 "))
     out.mkdir()
     shutil.copy(figures / "arm_all.csv", out / "trajectory.csv")
+    (out / "design.json").write_text(json.dumps({"axis_sha256": "of the file before"}))
     cli.main(["simulate", str(path), str(out), "--plants", "8", "--logs", "2"])
     said = capsys.readouterr().out
+    assert f"{path} has changed since {out} was designed" in said
     found = json.loads((out / "simulation.json").read_text())
     assert (out / "simulation.png").exists()
     assert found["logs_with_a_truth_outside"] == 0

@@ -69,7 +69,9 @@ def test_any_weights_mean_what_they_mean_log_by_log(way, logs, key):
     np.testing.assert_allclose(found.theta, SYSTEM.centre + mean, rtol=1e-9)
     np.testing.assert_allclose(found.bound, bound, rtol=1e-8)
     n = counts[0]
-    assert pieces(together.record.rows.measure) == ((0, n), (n + 2, n + 2 + counts[1]))
+    first, second = pieces(together.record.rows.measure)
+    assert (first[:2], second[:2]) == ((0, n), (n + 2, n + 2 + counts[1]))
+    assert first.share == pytest.approx(0.5, abs=1e-3)
 
 
 def test_together_they_prove_more_than_each(logs):

@@ -9,10 +9,11 @@ from jaxid import linear_motor as motor
 from jaxid import stretches as room
 from jaxid.disturbance_bounds import ConstantBound
 from jaxid.experiment import log_of, run
+from jaxid.feasible_set import MOST
 from jaxid.files import read_trajectory
 from jaxid.log import Log
 from jaxid.sensing import Encoder
-from jaxid.stretches import prove, rounded_down, stretches
+from jaxid.stretches import most_telling, prove, rounded_down, stretches
 
 TRUTH = np.array(motor.TRUE_PARAMETERS)
 PERIOD = motor.CONTROL_PERIOD
@@ -115,23 +116,58 @@ def test_what_one_stretch_tells_apart_is_told_apart(parts):
     assert not found.unseen
 
 
-def test_what_only_two_stretches_together_tell_apart_is_told_apart():
+def at_speed(speed):
+    """1200 ticks of the motor without acceleration."""
+    u = jnp.full(1200, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
+    y = jnp.round(speed * PERIOD * jnp.arange(1201) / 1e-6) * 1e-6
+    return Log(u, y, PERIOD, 1e-6)
+
+
+def test_what_only_two_stretches_together_tell_apart_is_told_apart(monkeypatch):
     """Two speeds tell friction from damping; one of them alone does not."""
-
-    def at(speed):
-        u = jnp.full(1200, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
-        y = jnp.round(speed * PERIOD * jnp.arange(1201) / 1e-6) * 1e-6
-        return Log(u, y, PERIOD, 1e-6)
-
     box = motor.system()
     small = eqx.tree_at(lambda s: s.disturbance_bound, box, ConstantBound(0.02))
-    slow, fast = at(0.2), at(1.5)
+    slow, fast = at_speed(0.2), at_speed(1.5)
     assert "B" in prove(small, [slow]).unseen
     assert "B" in prove(small, [fast]).unseen
     found = prove(small, [slow, fast])
     assert found.stretches == 2
     assert "B" not in found.unseen
     assert "M" in found.unseen
+    # also of a log that is too long to be read together, by the stretches that tell most
+    monkeypatch.setattr(room, "WHOLE", 2500)
+    longer = [at_speed(v) for v in (0.2, 0.21, 0.2, 1.5, 0.2, 1.4)]
+    chosen = most_telling(small, [[log] for log in longer])
+    assert len(chosen) == 2
+    assert sum(log is longer[3] for log in chosen) == 1
+    found = prove(small, longer)
+    assert found.stretches == 6
+    assert "B" not in found.unseen
+
+
+def test_short_pieces_take_no_weights_from_a_long_one(parts, monkeypatch):
+    """A log of 749 ticks beside 60 pieces of 10: its intervals are as narrow as without them."""
+    monkeypatch.setattr(room, "_KNOTS", 150)
+    long, pieces = parts[0], [cut(parts[1], 10 * k, 10) for k in range(60)]
+    alone, beside = prove(motor.system(), [long]), prove(motor.system(), [long, *pieces])
+    assert beside.stretches == 1
+    widths = (beside.estimate.upper - beside.estimate.lower) / (
+        alone.estimate.upper - alone.estimate.lower
+    )
+    assert np.all(widths < 1.01), widths
+
+
+def test_what_no_disturbance_explains_is_a_contradiction(parts):
+    """An input of the wrong sign and unit."""
+    first = parts[0]
+    wrong = Log(-1e4 * first.input, first.position, PERIOD, first.resolution)
+    for logs in ([wrong], [*parts[:2], wrong]):
+        found = prove(motor.system(), logs)
+        assert found.factor == MOST
+        assert found.estimate is None
+        assert "1000 times δ or more would be needed: an input, a unit or a sign must be wrong" in (
+            found.contradiction
+        )
 
 
 def test_what_is_needed_at_least_is_rounded_down():
