@@ -6,6 +6,9 @@ The file is data. It never runs code, whatever is in it, unless who reads it all
 import hashlib
 import importlib.util
 import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
@@ -160,7 +163,10 @@ def _code(tables: AxisTables, path: Path) -> bytes:
 
 
 def _named(name: str, folder: Path) -> System:
-    """The system, or what a function without arguments returns, under a name module:object."""
+    """The system, or what a function without arguments returns, under a name module:object.
+
+    Code that cannot be run is refused in a sentence like all that is wrong with a file.
+    """
     module, _, attribute = name.partition(":")
     path = folder / f"{module}.py"
     require(
@@ -173,15 +179,33 @@ def _named(name: str, folder: Path) -> System:
     assert spec is not None
     assert spec.loader is not None
     loaded = sys.modules[own] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
+    with _sentences(path):
+        spec.loader.exec_module(loaded)
     require(
         hasattr(loaded, attribute),
         f"`python` must name a module:object, but {path} has no {attribute!r}.",
     )
     found = getattr(loaded, attribute)
-    system: object = found if isinstance(found, System) or not callable(found) else found()
+    with _sentences(path):
+        system: object = found if isinstance(found, System) or not callable(found) else found()
     if not isinstance(system, System):
         raise ValueError(
             f"`python` must name a jaxid.System, but {name} is a {type(system).__name__}."
         )
     return system
+
+
+@contextmanager
+def _sentences(path: Path) -> Iterator[None]:
+    """What somebody's code raises, with the last line of it that ran."""
+    try:
+        yield
+    except Exception as error:
+        lines = [
+            f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)
+        ]
+        where = f" in line {lines[-1]}" if lines else ""
+        raised = f"{type(error).__name__}: {error}"
+        raise ValueError(
+            f"`python`: {path} must run by itself, but{where} raises {raised}."
+        ) from error

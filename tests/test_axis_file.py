@@ -178,6 +178,22 @@ def test_python_names_that_are_no_axis(coded, name, sentence):
         read_axis(coded(name), run_python=True)
 
 
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("import beside", "in line 1 raises ModuleNotFoundError: No module named 'beside'"),
+        ("1 / 0", "in line 1 raises ZeroDivisionError: division by zero"),
+        ("def (", "raises SyntaxError"),
+    ],
+)
+def test_code_that_does_not_run_is_refused_in_a_sentence(coded, line, sentence):
+    path = coded("own_axis_code:axis")
+    code = path.parent / "own_axis_code.py"
+    code.write_text(f"{line}\n{code.read_text()}")
+    with pytest.raises(ValueError, match=f"own_axis_code.py must run by itself, but.*{sentence}"):
+        read_axis(path, run_python=True)
+
+
 def test_one_level_of_the_disturbance_is_enough(read):
     one = read(("slow = 0.25 ", "#"), ("threshold = 0.1 ", "#")).system.disturbance_bound
     assert eqx.tree_equal(one, ConstantBound(0.15))
