@@ -1,6 +1,7 @@
 """A motion for an axis of a file: designed, appraised, exported, checked, and drawn on one page."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -140,6 +141,7 @@ def played(axis: Axis, motion: JerkTrajectory) -> JerkTrajectory:
 
 def write_design(folder: Path, found: AxisDesign) -> dict[str, float]:
     """Write `FILES`; what the exported positions leave of each limit, in half-widths."""
+    (folder / "design.json").unlink(missing_ok=True)  # it stands for the whole, and comes last
     axis, coordinate = found.axis, found.axis.system.coordinate
     write_trajectory(folder / "trajectory.csv", found.motion, coordinate)
     points = sampled(played(axis, found.motion), axis.servo.period)
@@ -151,17 +153,30 @@ def write_design(folder: Path, found: AxisDesign) -> dict[str, float]:
         f"The exported positions leave the limits: {left}, in half-widths.",
     )
     page(folder / "design.png", found)
-    write_json(folder / "design.json", summary(found, left))  # last: then all is there
+    write_json(folder / "design.json", summary(found, left))
     return left
 
 
-def of_another_axis(folder: Path, axis: Axis) -> tuple[Path, ...]:
-    """Designs in a folder, or in folders of it, whose axis file has changed since."""
+def of_another_axis(paths: Iterable[Path], axis: Axis) -> tuple[Path, ...]:
+    """Folders of those design.json that are of another axis file, or of what this one was."""
     return tuple(
-        path.parent
-        for path in designs_in(folder)
-        if json.loads(path.read_text()).get("axis_sha256") != axis.digest
+        path.parent for path in paths if read_design(path).get("axis_sha256") != axis.digest
     )
+
+
+def read_design(path: Path) -> dict[str, Any]:
+    """What `write_design` wrote as design.json.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    try:
+        found = json.loads(path.read_text())
+    except ValueError:
+        found = None
+    if not isinstance(found, dict) or "target" not in found:
+        raise ValueError(f"File {path} must be one of jaxid design, but has no target.")
+    return found
 
 
 def designs_in(folder: Path) -> list[Path]:
@@ -182,7 +197,9 @@ def summary(found: AxisDesign, left: dict[str, float]) -> dict[str, Any]:
         "ends_s": begins + float(motion.duration),
         "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
         "margins": left,
-        "rests_on": list(assumptions(system, foreseen(system, motion, axis.servo))),
+        "rests_on": list(
+            assumptions(system, foreseen(system, motion, axis.servo), delay=axis.delay)
+        ),
     }
 
 

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import msgspec
 from jaxtyping import Array, Float
@@ -168,13 +169,13 @@ def _named(name: str, folder: Path) -> System:
     Code that cannot be run is refused in a sentence like all that is wrong with a file.
     """
     module, _, attribute = name.partition(":")
-    path = folder / f"{module}.py"
+    path = (folder / f"{module}.py").resolve()
     require(
         attribute and module.isidentifier() and path.exists(),
         f"`python` must name a module:object, the module beside the file, but is {name!r}.",
     )
     # under a name of its own: two axes may call theirs alike
-    own = f"jaxid_axis_{hashlib.sha256(str(path.resolve()).encode()).hexdigest()}"
+    own = f"jaxid_axis_{hashlib.sha256(str(path).encode()).hexdigest()}"
     spec = importlib.util.spec_from_file_location(own, path)
     assert spec is not None
     assert spec.loader is not None
@@ -192,6 +193,9 @@ def _named(name: str, folder: Path) -> System:
         raise ValueError(
             f"`python` must name a jaxid.System, but {name} is a {type(system).__name__}."
         )
+    with _sentences(path):  # functions of its own must take arrays, whose values are not known yet
+        jax.eval_shape(system.regressors, *jnp.zeros((3, 2)))
+        jax.eval_shape(system.disturbance_bound, *jnp.zeros((2, 2)))
     return system
 
 
@@ -200,7 +204,7 @@ def _sentences(path: Path) -> Iterator[None]:
     """What somebody's code raises, with the last line of it that ran."""
     try:
         yield
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         lines = [
             f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)
         ]

@@ -227,7 +227,7 @@ def page(path: Path, found: Identified) -> None:
             panel.plot(x[order], sign * bound[order], color=report.GREY, linewidth=1.2)
         panel.plot(x, rest.rest, ".", color=report.BLUE, markersize=2.5)
         report.label(panel, name, "")
-    title = "" if found.fit else "no fit: the log does not tell all parameters apart"
+    title = "" if found.fit else "no fit by least squares"
     rest_of = f"rest of least squares ({system.input_unit}), ±δ grey"
     report.label(panels[0], views[0][0], rest_of, title)
     report.save(canvas, path)

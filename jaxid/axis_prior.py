@@ -60,16 +60,28 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
         recorded: of any motion that tells its parameters apart.
 
     Raises:
-        ValueError: if the log does not tell the parameters apart, or no δ explains it.
+        ValueError: if the log does not tell the parameters apart, or what it tells of an inertia
+            or a friction is below zero, or no δ explains it.
     """
     servo, system = axis.servo, axis.system
     pieces = steady(recorded, servo.period, servo.resolution, axis.delay)
     logs = [piece.log for piece in pieces]
     found = fit(system, logs)
+    require(
+        found.theta[0] > 0,
+        f"Argument `recorded`: least squares find {system.names[0]} = {found.theta[0]:.4g} "
+        f"{system.units[0]}, which no inertia is; the sign of an input or of a position is wrong.",
+    )
     half = np.maximum(_SHARE * np.abs(found.theta), found.shift)
     lower, upper = found.theta - half, found.theta + half
     least = [_least(term, k, found.theta[k]) for k, term in enumerate(system.terms)]
     lower = np.maximum(lower, least)
+    for name, unit, low, high in zip(system.names, system.units, lower, upper, strict=True):
+        require(
+            low < high,
+            f"Argument `recorded`: by least squares {name} is {high:.4g} {unit} at most, which no "
+            "friction is; a term of the axis is missing, or a sign is wrong.",
+        )
     known = eqx.tree_at(
         lambda s: [term.interval for term in s.terms], system, list(np.stack([lower, upper], 1))
     )

@@ -4,7 +4,6 @@ What the errors of least squares come to by filter, controller and axis: the stu
 one's own axis. It takes no guarantee from a log; that is `axis_identify`.
 """
 
-import json
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from jaxid import blocks, report
-from jaxid.axis_design import designs_in, played
+from jaxid.axis_design import designs_in, played, read_design
 from jaxid.axis_file import Axis
 from jaxid.checks import require
 from jaxid.control import ARC, Controller
@@ -41,10 +40,11 @@ def sweep_axis(
     plants: int = 3,
     seed: int = 0,
     tell: Callable[[int, int], None] = lambda done, total: None,
-) -> xr.Dataset:
+) -> xr.Dataset | None:
     """Every motion in a folder with every factor of the gains in every scenario.
 
-    Blocks that are done are kept in the folder until all are: it goes on where it was stopped.
+    Blocks that are done are kept in the folder until all are: it goes on where it was stopped. Of
+    several processes the first returns all, the others nothing.
 
     Args:
         axis: from a file with a controller.
@@ -61,6 +61,8 @@ def sweep_axis(
     swept, labels = study(axis, folder, bandwidths, factors, plants, seed)
     work = blocks.Work(item, swept, swept.count)
     blocks.compute(work, folder / "sweep.blocks", processors(), tell)
+    if jax.process_index() > 0:
+        return None
     attributes = {"title": "Closed loops: J_f, errors and extremes", "seed": seed}
     attributes["axis_sha256"] = axis.digest
     return labelled(swept, labels, blocks.collect(work, folder / "sweep.blocks"), attributes)
@@ -113,12 +115,7 @@ def motions_in(folder: Path, coordinate: str) -> dict[tuple[str, float], JerkTra
     found = {}
     for path in designs_in(folder):
         motion = read_trajectory(path.parent / "trajectory.csv", coordinate)
-        try:
-            target = str(json.loads(path.read_text())["target"])
-        except (ValueError, KeyError, TypeError):
-            raise ValueError(
-                f"File {path} must be one of jaxid design, but has no target."
-            ) from None
+        target = str(read_design(path)["target"])
         found[target, round(float(motion.duration), 12)] = motion
     return found
 

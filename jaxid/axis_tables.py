@@ -42,6 +42,13 @@ class Kind(Table, tag_field="kind"):
     unit: str
     interval: Pair
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.name.strip() or set(self.name) & set("/\\"):
+            raise ValueError(
+                f"`name` must be one that a folder may have, too, but is {self.name!r}"
+            )
+
     def regressor(self) -> Regressor | None:
         raise NotImplementedError
 

@@ -1,6 +1,5 @@
 """Motions for an axis of a file, of several durations and for several targets, compared."""
 
-import json
 from collections.abc import Iterable, Sequence
 from itertools import cycle, product
 from pathlib import Path
@@ -11,6 +10,7 @@ from jaxid.axis_design import (
     appraised,
     design_axis,
     in_words,
+    read_design,
     require_possible,
     write_design,
 )
@@ -136,13 +136,14 @@ def _duration(axis: Axis) -> float:
 
 def _kept(folder: Path, axis: Axis, target: str, search: str) -> JerkTrajectory | None:
     """The motion that was designed before, if it is one for this and within the limits."""
-    if not (folder / "design.json").exists():
+    try:
+        there = read_design(folder / "design.json")
+        motion = read_trajectory(folder / "trajectory.csv", axis.system.coordinate)
+    except (ValueError, OSError):  # none, or damaged
         return None
-    there = json.loads((folder / "design.json").read_text())
     names = "axis_sha256", "target", "search", "program"
     if (axis.digest, target, search, PROGRAM) != tuple(there.get(name) for name in names):
         return None
-    motion = read_trajectory(folder / "trajectory.csv", axis.system.coordinate)
     right = motion.jerk.size == axis.task.intervals
     right = right and worst_excess(axis.task.limits, axis.task.boundary, motion) <= 0
     return motion if right else None

@@ -9,7 +9,7 @@ import tyro
 from tqdm import tqdm
 
 from jaxid import axis_design, axis_identify, axis_prior, axis_simulate, axis_sweep, axis_tradeoff
-from jaxid.axis_design import ALL, design_axis, of_another_axis
+from jaxid.axis_design import ALL, design_axis, designs_in, of_another_axis
 from jaxid.axis_file import Axis, Coordinate, example, read_axis
 from jaxid.axis_identify import identify_axis
 from jaxid.axis_prior import propose
@@ -141,7 +141,7 @@ def simulate(
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
         found = simulate_axis(known, motion, plants, logs, seed, line.set_description)
     axis_simulate.write_simulated(design, found)
-    _tell_changed(axis, design, known)
+    _tell_changed(axis, [design / "design.json"], known)
     print(axis_simulate.text(found))
     print(f"Written to {design}: {', '.join(axis_simulate.FILES)}")
 
@@ -180,8 +180,10 @@ def sweep(
             line.update(done - line.n)
 
         found = axis_sweep.sweep_axis(known, design, bandwidths, factors, plants, seed, tell)
+    if found is None:  # another process has all of it
+        return
     axis_sweep.write_sweep(design, found)
-    _tell_changed(axis, design, known)
+    _tell_changed(axis, designs_in(design), known)
     print(axis_sweep.text(found))
     print(f"Written to {design}: {', '.join(axis_sweep.FILES)}")
 
@@ -247,10 +249,10 @@ def _columns(path: Path, axis: Axis) -> Columns:
     return axis.columns
 
 
-def _tell_changed(path: Path, design: Path, axis: Axis) -> None:
+def _tell_changed(path: Path, designs: Iterable[Path], axis: Axis) -> None:
     """Of motions whose numbers are not of this axis."""
-    for folder in of_another_axis(design, axis):
-        print(f"{path} has changed since {folder} was designed: design.json there is not about it.")
+    for folder in of_another_axis([one for one in designs if one.exists()], axis):
+        print(f"{folder} was designed for another axis file than {path} is now: see design.json.")
 
 
 def _keep(paths: Iterable[Path], force: bool) -> None:

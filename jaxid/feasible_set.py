@@ -75,9 +75,9 @@ def feasible_set(
     needed = _needed(logged, program, misfit)
     require(
         needed <= 1.0,
-        "Argument `logged`: no θ of the box can have left these data with |Δ| ≤ δ, but at least "
-        f"{needed:.4g}·δ; δ, the box or the errors of the sensor are too small, or an input is not "
-        "what was commanded. `smallest_factor` says what δ must be multiplied by.",
+        "Argument `logged`: no θ of the box can have left these data with |Δ| ≤ δ; δ, the box or "
+        "the errors of the sensor are too small, or an input is not what was commanded. "
+        "`smallest_factor` says what δ must be multiplied by.",
         ContradictionError,
     )
     axes = np.eye(len(system.names))
@@ -147,7 +147,7 @@ def smallest_factor(
         least: where the search begins, and what is returned if already it may explain them.
     """
 
-    def needed(factor: float, count: int) -> float:
+    def needed(factor: float, count: int | None) -> float:
         """Of a multiple of δ once more; infinite where not even the brackets have room."""
         try:
             logged = rows(jnp.asarray(factor))
@@ -155,13 +155,9 @@ def smallest_factor(
             return np.inf
         return _needed(logged, *_program(logged, count))
 
-    try:
-        size = rows(jnp.asarray(MOST)).record.rows.delta.size
-    except ContradictionError:
-        return MOST
-    wanted = size if knots is None else min(knots, size)
+    few = _COARSE if knots is None else min(_COARSE, knots)
     low, high, n_low = least, least, np.inf
-    for count in dict.fromkeys((min(_COARSE, wanted), wanted)):  # what few see, all would see
+    for count in dict.fromkeys((few, knots)):  # what few see, all would see
         while (n_high := needed(high, count)) > 1.0:
             if high == MOST:
                 return MOST
@@ -224,8 +220,7 @@ def _program(logged: Logged, knots: int | None) -> tuple[Program, Float[np.ndarr
     delta = np.asarray(rows.delta)
     noise = np.zeros(delta.size + 2) if channel is None else np.asarray(channel.bound)
     phi, box = np.asarray(rows.regressors), np.asarray(system.half_widths)
-    most, runs = delta.size if knots is None else knots, pieces(rows.measure)
-    program = Program(phi, delta, noise, box, most, runs)
+    program = Program(phi, delta, noise, box, knots, pieces(rows.measure))
     return program, np.asarray(logged.record.input) - phi @ np.asarray(system.centre)
 
 

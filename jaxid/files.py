@@ -74,8 +74,9 @@ def read_trajectory(path: Path, coordinate: str = "linear") -> JerkTrajectory:
     rows = read_table(path)
     header = trajectory_header(coordinate)
     require(
-        bool(rows) and set(header) <= set(rows[0]),
-        f"Argument `path`: {path} must have the columns {list(header)}.",
+        len(rows) > 1 and all(row.get(name) for row in rows for name in header),
+        f"Argument `path`: {path} must have the columns {list(header)}, two rows at least, and a "
+        "number in each.",
     )
     column = {name: _column(rows, name) for name in header}
     names = header[1:4]

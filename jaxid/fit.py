@@ -13,6 +13,7 @@ from jaxid.system import System
 
 _MEANS = 2000  # of all rows, at most
 _LEAST = 5  # rows of a mean, so that the noise of second differences is small
+_PIECES = 10  # means of a log of the usual length, at least
 _APART = 1e-3  # a combination of columns of length one that is shorter is zero to a fit
 _PART = 0.01  # of such a combination, from which a parameter counts as one of it
 
@@ -50,7 +51,7 @@ def fit(system: System, logs: Sequence[Log]) -> Fit:
         ValueError: if there are too few rows, or they cannot tell all parameters apart.
     """
     counts = [int(log.took_place().sum()) for log in logs]
-    width = max(sum(counts) // _MEANS, _LEAST)
+    width = max(min(sum(counts) // _MEANS, int(np.median(counts)) // _PIECES), _LEAST)
     parts = [_means(system, log, n, width) for log, n in zip(logs, counts, strict=True)]
     phi, u, time, position, velocity = (np.concatenate(x) for x in zip(*parts, strict=True))
     require(

@@ -1,6 +1,7 @@
 """A recorded log in a file: CSV, MAT or HDF5, its columns found by name or number, in SI units."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from jaxid.checks import require
 
 _CHUNK = 1_000_000  # rows of a CSV file that are in memory as text at a time
 _HEAD = 200  # lines, at most, before the first row of numbers
+_BLANKS = r"\s+"
 _COMMENTS = ("#", "%")  # that the first of them may begin with; the names may, too
 
 Column = str | int
@@ -103,6 +105,7 @@ def _read_csv(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, " 
         dtype=float,
         chunksize=_CHUNK,
         encoding="utf-8-sig",
+        encoding_errors="replace",  # of units in the header
     )
     rows = pd.concat(list(parts))
     return [rows[place].to_numpy() for place in places]
@@ -110,32 +113,55 @@ def _read_csv(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, " 
 
 def _layout(path: Path) -> tuple[int, list[str], str, str]:
     """Lines before the first row of numbers, names of columns, separator, decimal mark."""
-    header: list[str] = []
+    before: list[str] = []
     with open(path, encoding="utf-8-sig", errors="replace") as file:
-        for number, line in zip(range(_HEAD), file, strict=False):
-            separator, decimal, fields = _split(line)
+        for line in islice(file, _HEAD):
+            separator, decimal = _marks(line)
+            fields = _fields(line, separator)
             numeric = bool(fields) and all(_is_number(field, decimal) for field in fields)
-            if numeric and not line.lstrip().startswith(_COMMENTS):
-                named = len(header) == len(fields)
-                names = header if named else [str(k + 1) for k in range(len(fields))]
-                return number, names, separator, decimal
-            # the first of two: the second has the units; a date in a comment names nothing
-            if fields and not numeric and len(header) != len(fields):
-                header = fields
+            if numeric and not _is_comment(line):
+                if separator != "," and any("," in later for later in islice(file, _HEAD)):
+                    decimal = ","  # a row of zeros has none
+                return len(before), _names(before, separator, len(fields)), separator, decimal
+            before.append(line)
     raise ValueError(f"no row of numbers among its first {_HEAD} lines.")
 
 
-def _split(line: str) -> tuple[str, str, list[str]]:
-    """Separator, decimal mark and fields of a line."""
-    text = line.strip().lstrip("".join(_COMMENTS)).strip()
+def _names(before: Sequence[str], separator: str, count: int) -> list[str]:
+    """The first line of so many fields, one in a comment only if there is no other; or numbers.
+
+    A second line has the units; numbers in a comment, as those of a date, name nothing.
+    """
+    for line in sorted(before, key=_is_comment):
+        fields = _fields(line, separator)
+        if len(fields) == count and not all(_is_number(field, ".") for field in fields):
+            return fields
+    return [str(k + 1) for k in range(count)]
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(_COMMENTS)
+
+
+def _bare(line: str) -> str:
+    return line.strip().lstrip("".join(_COMMENTS)).strip()
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    text = _bare(line)
+    fields = text.split() if separator == _BLANKS else text.split(separator)
+    return [field.strip().strip('"') for field in fields] if text else []
+
+
+def _marks(line: str) -> tuple[str, str]:
+    """Separator and decimal mark of a row of numbers."""
+    text = _bare(line)
     words = text.split()
     # commas inside words are decimal ones: 0,001 1,5
-    parted = len(words) > 1 and not any(word.endswith(",") for word in words)
+    parted = len(words) > 1 and not any(word[0] == "," or word[-1] == "," for word in words)
     marks = ";\t" if parted else ";\t,"
-    separator = next((mark for mark in marks if mark in text), r"\s+")
-    fields = words if separator == r"\s+" else text.split(separator)
-    decimal = "," if separator != "," and "," in text else "."
-    return separator, decimal, [field.strip().strip('"') for field in fields] if text else []
+    separator = next((mark for mark in marks if mark in text), _BLANKS)
+    return separator, "," if separator != "," and "," in text else "."
 
 
 def _is_number(field: str, decimal: str) -> bool:
@@ -192,16 +218,25 @@ def _of_arrays_one(
 ) -> Float[np.ndarray, " n"]:
     if isinstance(column, str):
         require(column in arrays, f"no array {column!r}; it has {', '.join(arrays)}.")
-        return np.asarray(arrays[column][()], dtype=float).ravel()
+        return _numbers(column, arrays[column]).ravel()
     matrices = [a for a in arrays.values() if a.ndim == 2 and min(a.shape) > 1]
     require(
         len(matrices) == 1,
         f"column {column} is a number, but it has {len(matrices)} matrices instead of one; its "
         f"arrays are {', '.join(arrays)}.",
     )
-    matrix = np.asarray(matrices[0][()], dtype=float)
+    matrix = _numbers("its matrix", matrices[0])
     rows = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T  # time is the longer side
     return rows[:, _place(column, [str(k + 1) for k in range(rows.shape[1])])]
+
+
+def _numbers(name: str, array: np.ndarray | h5py.Dataset) -> Float[np.ndarray, "..."]:
+    require(
+        array.dtype.kind in "biuf",
+        f"{name} must hold real numbers, but holds {array.dtype}; a struct or a table has to be "
+        "written as one array for each column.",
+    )
+    return np.asarray(array[()], dtype=float)
 
 
 Reader = Callable[[Path, Sequence[Column]], list[Float[np.ndarray, " n"]]]

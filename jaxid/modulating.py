@@ -97,10 +97,10 @@ class Program:
         delta: Float[np.ndarray, " n"],
         noise: Float[np.ndarray, " samples"],
         half_widths: Float[np.ndarray, " m"],
-        knots: int,
+        knots: int | None,
         runs: tuple[Piece, ...] | None = None,
     ) -> None:
-        """The arguments are those of `optimal`."""
+        """The arguments are those of `optimal`; without `knots` every row has a weight."""
         whole = (Piece(0, delta.size, 1.0),)
         self.basis, kinks, second = _family(delta.size, whole if runs is None else runs, knots)
         self.half_widths = half_widths
@@ -187,11 +187,11 @@ class _Family(NamedTuple):
 
 
 @functools.lru_cache(maxsize=4)
-def _family(size: int, runs: tuple[Piece, ...], most: int) -> _Family:
-    total = most * len(runs)
+def _family(size: int, runs: tuple[Piece, ...], most: int | None) -> _Family:
+    shares = [size if most is None else round(most * len(runs) * run.share) for run in runs]
     blocks = [
-        _hats(run.start, run.stop - run.start, size, max(round(total * run.share), _FEW))
-        for run in runs
+        _hats(run.start, run.stop - run.start, size, max(share, _FEW))
+        for run, share in zip(runs, shares, strict=True)
     ]
     # where no row counts, there are no weights
     basis = sparse.csr_array(sparse.hstack([sparse.csr_array((size, 0)), *blocks]))

@@ -64,8 +64,8 @@ def steady(
     ]
     require(
         bool(found),
-        f"Argument `recorded` has no {_LEAST} rows on end that are {period:g} s apart to "
-        f"{JITTER:.0%}; its {n} rows cannot be read as ticks of that servo.",
+        f"Argument `recorded` has no {_LEAST + 1 + delay} rows on end that are {period:g} s apart "
+        f"to {JITTER:.0%}; its {n} rows cannot be read as ticks of that servo.",
     )
     lengths = {piece.log.input.size for piece in found}
     if len(lengths) > _SHAPES:  # else each would be compiled for
@@ -116,11 +116,17 @@ def _straight(time: Float[np.ndarray, " n"], run: tuple[int, int]) -> Iterator[t
 
 
 def _clock(time: Float[np.ndarray, " n"]) -> tuple[float, float]:
-    """The period of stamps, and how far at most they are from equal steps."""
+    """The period of stamps, and how far at most the instants that they stand for miss equal steps.
+
+    Rounding alone is no miss, unless stamps are so coarse that it may hide some.
+    """
     ticks, since = np.arange(time.size) - (time.size - 1) / 2, time - time[0]
     period = float(ticks @ since / (ticks @ ticks))
     rest = since - period * ticks
-    return period, float(np.ptp(rest) / 2)
+    missed, spacing = float(np.ptp(rest) / 2), float(np.spacing(np.max(np.abs(time))))
+    if _ROUNDINGS * spacing > _NEGLIGIBLE * period:
+        return period, missed + spacing / 2
+    return period, missed if missed > _ROUNDINGS * spacing else 0.0
 
 
 def _piece(
@@ -131,10 +137,7 @@ def _piece(
     delay: int,
 ) -> Piece:
     first, stop = part
-    period, missed = _clock(time[first:stop])
-    rounded = _ROUNDINGS * float(np.spacing(np.max(np.abs(time[first:stop]))))
-    # stamps so coarse that their rounding may hide some count as they are
-    jitter = missed if missed > rounded or rounded > _NEGLIGIBLE * period else 0.0
+    period, jitter = _clock(time[first:stop])
     position = jnp.asarray(recorded.position[first + delay : stop])
     acting = jnp.asarray(recorded.input[first : stop - delay])  # the last one after the last tick
     if jitter == 0:

@@ -25,6 +25,7 @@ WHOLE = 50_000  # ticks at most that are read together as well
 _KNOTS = 1000  # of a stretch: ten times as many gain nothing of the motor's intervals
 _TOGETHER = 3000  # knots
 _FINER = 3  # for δ alone: with fewer weights a smaller one seems enough, by 2 % for the motor
+_NOT_ALL = "Nothing within the box and δ can have left all of the first {} stretches."
 _ABSURD = ": an input, a unit or a sign must be wrong"
 _SAME = 1e-6  # of a prior interval: what has shrunk by less is whole
 _FAR = 0.5  # of δ: nothing that finer weights would see of it contradicts the axis
@@ -71,11 +72,7 @@ def prove(
         label = f"stretch {number} of {len(parts)}: " if len(parts) > 1 else ""
         found.read(part, lambda said, label=label: tell(label + said))
     if len(parts) > 1 and found.factor < MOST:
-        chosen = logs if _ticks(logs) <= WHOLE else most_telling(found.explained, parts)
-        knots = _each(_TOGETHER, chosen)
-        found.narrow(chosen, knots, lambda said: tell(f"together: {said}"))
-        if found.unseen:
-            found.unseen = found.look(chosen, knots)
+        found.read_again(lambda said: tell(f"together: {said}"))
     return found.result(len(parts))
 
 
@@ -90,17 +87,27 @@ def stretches(logs: Sequence[Log]) -> Iterator[list[Log]]:
     yield part
 
 
-def most_telling(system: System, parts: Sequence[list[Log]]) -> list[Log]:
+def most_telling(
+    system: System, parts: Sequence[list[Log]], first: list[Log] | None = None
+) -> list[Log]:
     """Logs of as many stretches as are read together, which tell most of all parameters.
 
     One by one that which adds most to the determinant of their information (D-optimality): a choice
     that no interval rests on.
+
+    Args:
+        system: its box and δ, with which each stretch is possible.
+        parts: the stretches.
+        first: one of them that must not be missing.
     """
+    if sum(map(_ticks, parts)) <= WHOLE:
+        return [log for part in parts for log in part]
     told = [_information(system, part) for part in parts]
     chosen: list[int] = []
     total, left = np.eye(len(system.names)), WHOLE
     while fitting := [k for k, p in enumerate(parts) if k not in chosen and _ticks(p) <= left]:
-        best = max(fitting, key=lambda k: np.linalg.slogdet(total + told[k])[1])
+        must = [k for k in fitting if parts[k] is first]
+        best = max(must or fitting, key=lambda k: np.linalg.slogdet(total + told[k])[1])
         chosen.append(best)
         total, left = total + told[best], left - _ticks(parts[best])
     return [log for k in sorted(chosen) for log in parts[k]]
@@ -125,15 +132,15 @@ class _Reading:
         self.contradiction: str | None = None
         self.estimates: list[Estimate] = []
         self.unseen: dict[str, Float[np.ndarray, " m"]] | None = None
-        self.logs: list[Log] = []
+        self.parts: list[list[Log]] = []
         self.coarse = 1.0
 
     def read(self, logs: list[Log], tell: Callable[[str], None]) -> None:
         """One more stretch."""
-        self.logs += logs
+        self.parts.append(logs)
         knots = _each(_KNOTS, logs)
-        longest = max(int(log.took_place().sum()) for log in logs)
-        self.coarse = max(self.coarse, longest / knots)
+        ticks = sum(int(log.took_place().sum()) for log in logs)
+        self.coarse = max(self.coarse, ticks / (knots * len(logs)))
         tell("smallest δ that explains it")
         for count in (knots, _FINER * knots):
             self.factor = explaining_factor(self.system, logs, count, self.factor)
@@ -143,9 +150,7 @@ class _Reading:
             return
         if self.unseen is None or self.unseen:
             tell("what the motion cannot tell apart")
-            now = self.look(logs, knots)
-            before = now if self.unseen is None else self.unseen
-            self.unseen = {name: now[name] for name in now if name in before}
+            self._look(logs, knots)
         self.narrow(logs, knots, tell)
 
     def narrow(self, logs: Sequence[Log], knots: int, tell: Callable[[str], None]) -> None:
@@ -159,9 +164,11 @@ class _Reading:
             left = feasible_set(found.logged, [found.estimate], knots)
         except ContradictionError as contradiction:  # this reading can see what the first did not
             self.contradiction = str(contradiction)
-            if _ticks(self.logs) <= WHOLE:  # stretches may contradict one another, none itself
-                many = _each(_TOGETHER, self.logs)
-                self.factor = explaining_factor(self.system, self.logs, many, self.factor)
+            if len(self.parts) > 1:  # they may contradict one another, none itself
+                self.contradiction = _NOT_ALL.format(len(self.parts))
+                together = most_telling(self._explained, self.parts, first=self.parts[-1])
+                many = _each(_TOGETHER, together)
+                self.factor = explaining_factor(self.system, together, many, self.factor)
         else:
             self.estimates.append(found.estimate)
             self.known = within(self.known, left.lower, left.upper)
@@ -187,14 +194,27 @@ class _Reading:
             self.coarse,
         )
 
-    @property
-    def explained(self) -> System:
-        """With a δ for which all that was read is possible."""
-        return self.system if self.factor <= 1 else louder(self.system, 1.01 * self.factor)
+    def read_again(self, tell: Callable[[str], None]) -> None:
+        """Stretches together, if that can say more than each of them has said."""
+        contradicted = self.factor > 1 or self.contradiction
+        if contradicted and not self.unseen:
+            return
+        logs = most_telling(self._explained, self.parts)
+        knots = _each(_TOGETHER, logs)
+        self.narrow(logs, knots, tell)
+        if self.unseen:
+            self._look(logs, knots)
 
-    def look(self, logs: Sequence[Log], knots: int) -> dict[str, Float[np.ndarray, " m"]]:
-        """What these logs cannot tell apart."""
-        return blind(read_together(self.explained, logs), knots)
+    @property
+    def _explained(self) -> System:
+        """With a δ for which each stretch is possible: a thousandth more than the factor may do."""
+        return louder(self.system, max(1.0, 1.01 * self.factor))
+
+    def _look(self, logs: Sequence[Log], knots: int) -> None:
+        """What neither these logs nor those before tell apart."""
+        now = blind(read_together(self._explained, logs), knots)
+        before = now if self.unseen is None else self.unseen
+        self.unseen = {name: now[name] for name in now if name in before}
 
 
 def rounded_down(factor: float) -> float:

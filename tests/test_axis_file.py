@@ -1,6 +1,7 @@
 """An axis in a file is the one that Python makes; what cannot be is refused, in sentences."""
 
 import sys
+from pathlib import Path
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -184,13 +185,35 @@ def test_python_names_that_are_no_axis(coded, name, sentence):
         ("import beside", "in line 1 raises ModuleNotFoundError: No module named 'beside'"),
         ("1 / 0", "in line 1 raises ZeroDivisionError: division by zero"),
         ("def (", "raises SyntaxError"),
+        ("exit(0)", "in line 1 raises SystemExit"),
     ],
 )
-def test_code_that_does_not_run_is_refused_in_a_sentence(coded, line, sentence):
+@pytest.mark.parametrize("relative", [False, True])
+def test_code_that_does_not_run_is_refused_in_a_sentence(
+    coded, line, sentence, relative, monkeypatch
+):
     path = coded("own_axis_code:axis")
     code = path.parent / "own_axis_code.py"
     code.write_text(f"{line}\n{code.read_text()}")
+    monkeypatch.chdir(path.parent)
     with pytest.raises(ValueError, match=f"own_axis_code.py must run by itself, but.*{sentence}"):
+        read_axis(Path(path.name) if relative else path, run_python=True)
+
+
+@pytest.mark.parametrize(
+    ("body", "sentence"),
+    [
+        ("jnp.tanh(v)", r"raises NameError: name 'jnp' is not defined"),
+        ("math.tanh(v)", r"raises TypeError: "),
+        ("v if v > 0 else -v", r"raises \w+Error: "),
+    ],
+)
+def test_a_regressor_that_takes_no_arrays_is_refused_in_a_sentence(coded, body, sentence):
+    path = coded("own_axis_code:axis")
+    code = path.parent / "own_axis_code.py"
+    own = f"import math\nfrom jaxid import Custom\ndef own(y, v):\n    return {body}\n"
+    code.write_text(own + code.read_text().replace("jd.Viscous()", "Custom(own)"))
+    with pytest.raises(ValueError, match=f"must run by itself, but in line 4 {sentence}"):
         read_axis(path, run_python=True)
 
 
@@ -206,6 +229,7 @@ def test_one_level_of_the_disturbance_is_enough(read):
         ('kind = "coulomb"', 'kind = "columb"', r"axis.toml: .*'columb' - at `terms\[2\].kind`"),
         ('kind = "inertia"', 'kind = "constant"', "must begin with the inertia"),
         ("beta = 1000.0", 'beta = "steep"', r"`float`, got `str` - at `terms\[2\].beta`"),
+        ('name = "M"', 'name = "m/M"', r"`name` must be one that a folder may have, too.*'m/M'"),
         ("beta = 1000.0", "", "missing required field `beta`"),
         ("jerk =", "jrek =", "unknown field `jrek` - at `limits`"),
         ("[0.08, 0.18]", "[0.18, 0.08]", "lower end below its upper end"),

@@ -64,6 +64,30 @@ def test_a_log_that_does_not_tell_parameters_apart_is_not_fitted():
         fit(motor.system(), [Log(jnp.zeros(10), jnp.zeros(11), PERIOD, 0.0)])
 
 
+def test_short_pieces_of_a_long_log_are_fitted_too(jog, monkeypatch):
+    """A mean is not of more ticks than a piece has, however many pieces there are."""
+    monkeypatch.setattr("jaxid.fit._MEANS", 10)  # 300 ticks to a mean
+    pieces = [
+        Log(jog.input[a : a + 150], jog.position[a : a + 151], PERIOD, jog.resolution)
+        for a in range(0, 3000, 150)
+    ]
+    apart = fit(motor.system(), pieces)
+    assert apart.rest.size == 20 * (149 // 15)
+    np.testing.assert_allclose(apart.theta[0], TRUTH[0], rtol=0.05)
+
+
+def test_what_is_no_inertia_and_no_friction_is_not_proposed(tmp_path, jog):
+    """A wrong sign of the input; and an axis that drives itself."""
+    (tmp_path / "axis.toml").write_text(example("linear"))
+    axis = read_axis(tmp_path / "axis.toml")
+    y, u = np.asarray(jog.position), np.asarray(jog.input)
+    with pytest.raises(ValueError, match=r"find M = -0\.\d+ V s²/m, which no inertia is"):
+        propose(axis, Recorded(None, y[:-1], -u))
+    driven = u - 20.0 * np.diff(y) / PERIOD
+    with pytest.raises(ValueError, match=r"B is -10\.\d+ V s/m at most, which no friction is"):
+        propose(axis, Recorded(None, y[:-1], driven))
+
+
 def test_a_proposal_holds_the_motor_and_its_disturbance(tmp_path, jog, capsys):
     (tmp_path / "axis.toml").write_text(example("linear"))
     axis = read_axis(tmp_path / "axis.toml")

@@ -99,6 +99,7 @@ def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
     text = path.read_text()
     path.write_text(text[: text.index("[controller]")] + text[text.index("[log]") :])
     assert "must have a table [controller] to track a motion" in said(folder / "choice")
+    assert not (folder / "choice" / "sweep.nc").exists()
     (folder / "choice" / "all_1s" / "design.json").write_text("{}")
     assert "must be one of jaxid design, but has no target" in said(folder / "choice")
     (folder / "choice" / "sweep.nc").write_text("mine")

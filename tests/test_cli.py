@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from experiments.linear_motor.designs import TOY, with_starts
-from jaxid import axis_tradeoff, cli
+from jaxid import axis_design, axis_tradeoff, cli
 from jaxid.appraisal import appraise
-from jaxid.axis_design import FILES, appraised, in_words, of_another_axis
-from jaxid.axis_file import read_axis
+from jaxid.axis_design import FILES, appraised, designs_in, in_words, of_another_axis
+from jaxid.axis_file import example, read_axis
 from jaxid.axis_simulate import simulate_axis
 from jaxid.feasible import interior
 from jaxid.files import read_table, read_trajectory
@@ -148,11 +148,31 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     path.write_text(path.read_text() + "# another axis\n")
     assert "M_0.5s holds a design that is none of this axis" in refused(capsys, *asked)
     # what may be replaced is designed anew, for the axis as it is now
-    assert len(of_another_axis(out, read_axis(path))) == 4
+    assert len(of_another_axis(designs_in(out), read_axis(path))) == 4
+    (out / "all_0.5s" / "trajectory.csv").write_text("damaged")
+    (out / "all_0.6s" / "design.json").write_text("{")
     monkeypatch.setattr(axis_tradeoff, "design_axis", hardly_designed)
     cli.main([*asked, "--force"])
-    assert of_another_axis(out, read_axis(path)) == ()
+    assert of_another_axis(designs_in(out), read_axis(path)) == ()
     assert (out / "tradeoff.csv").read_text() == before
+
+
+def test_a_design_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch):
+    """Its numbers would be beside the motion of another one. And a delay is said."""
+    path = tmp_path / "axis.toml"
+    path.write_text(example("linear").replace("delay = 0 ", "delay = 2 "))
+    found = hardly_designed(read_axis(path), "all", 0, cli.EFFORTS["quick"], None)
+    axis_design.write_design(tmp_path / "out", found)
+    written = json.loads((tmp_path / "out" / "design.json").read_text())
+    assert any("2 periods later" in sentence for sentence in written["rests_on"])
+
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(axis_design, "page", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        axis_design.write_design(tmp_path / "out", found)
+    assert designs_in(tmp_path / "out") == []
 
 
 def test_what_cannot_be_designed_is_said_in_a_sentence(tmp_path, capsys):
@@ -199,10 +219,10 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     path.write_text(path.read_text().replace("# home = 1.0 ", "home = 0.3 "))
     out.mkdir()
     shutil.copy(figures / "arm_all.csv", out / "trajectory.csv")
-    (out / "design.json").write_text(json.dumps({"axis_sha256": "of the file before"}))
+    (out / "design.json").write_text(json.dumps({"target": "all", "axis_sha256": "before"}))
     cli.main(["simulate", str(path), str(out), "--plants", "8", "--logs", "2"])
     said = capsys.readouterr().out
-    assert f"{path} has changed since {out} was designed" in said
+    assert f"{out} was designed for another axis file than {path} is now" in said
     found = json.loads((out / "simulation.json").read_text())
     assert (out / "simulation.png").exists()
     assert found["logs_with_a_truth_outside"] == 0

@@ -57,6 +57,15 @@ def test_a_file_without_its_columns_is_refused(tmp_path):
         read_trajectory(path)
 
 
+@pytest.mark.parametrize("damage", [lambda t: t[:-40], lambda t: "".join(t.splitlines(True)[:2])])
+def test_a_damaged_trajectory_is_refused(tmp_path, motion, damage):
+    path = tmp_path / "motion.csv"
+    write_trajectory(path, motion)
+    path.write_text(damage(path.read_text()))
+    with pytest.raises(ValueError, match="two rows at least, and a number in each"):
+        read_trajectory(path)
+
+
 def test_text_tables_line_up():
     lines = text_table(("name", "J"), [("M", 0.00469), ("long name", None)], "Title").splitlines()
     assert lines[0] == "Title"

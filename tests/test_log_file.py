@@ -79,6 +79,44 @@ def test_units_are_converted(tmp_path):
     np.testing.assert_array_equal(found.time, 1e-6 * TIME)
 
 
+@pytest.mark.parametrize(
+    ("text", "names", "rows"),
+    [
+        ("0 ,100 ,2\n1 ,101 ,3\n", (3, 2, 1), [[0, 100, 2], [1, 101, 3]]),
+        ("t;u;q\n0;0;0\n0,001;1,5;2\n", ("q", "u", "t"), [[0, 0, 0], [0.001, 1.5, 2]]),
+        ("# Drive log 2024\nt u q x\n1 2 3 4\n", ("q", "u", "t"), [[1, 2, 3]]),
+        ("# 24 drive log\nt u q\n1 2 3\n", ("q", "u", "t"), [[1, 2, 3]]),
+        ("# Drive log 7\n", None, None),
+    ],
+)
+def test_what_looks_like_another_layout_is_read_as_it_is(tmp_path, text, names, rows):
+    """Blanks before commas, a first row without a decimal mark, a title with as many words."""
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    if names is None:
+        with pytest.raises(ValueError, match="no row of numbers"):
+            read_log(path, NAMED)
+        return
+    found = read_log(path, Columns(*names))
+    np.testing.assert_array_equal(np.stack([found.time, found.input, found.position], 1), rows)
+
+
+def test_a_header_in_another_encoding_is_read(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes("t [s],q [µm],u\n0,1,2\n1,3,4\n".encode("latin-1"))
+    np.testing.assert_array_equal(read_log(path, Columns(2, "u", "t [s]")).position, [1, 3])
+
+
+def test_arrays_that_hold_no_real_numbers_are_refused(tmp_path):
+    savemat(tmp_path / "log.mat", {"log": {"t": TIME}, "z": 1j * TIME})
+    table = np.zeros(3, dtype=[("t", float), ("u", float)])
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["table"] = table
+    for name, column in (("log.mat", "log"), ("log.mat", "z"), ("log.h5", "table")):
+        with pytest.raises(ValueError, match=f"{name}: {column} must hold real numbers, but holds"):
+            read_log(tmp_path / name, Columns(column, column))
+
+
 def test_a_missing_number_is_none(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t,u,q\n0.0,1.0,2.0\n0.001,,2.5\n0.002,nan,2.5\n0.003,1.0,\n")

@@ -91,6 +91,18 @@ def test_a_clock_that_has_run_since_an_epoch_is_read_to_its_last_digit():
     assert np.max(np.abs(off)) <= float(log.jitter)
 
 
+@given(st.integers(0, 2**32 - 1))
+def test_what_coarse_stamps_may_hide_counts_as_jitter(seed):
+    """Instants up to 1.1e-7 s off equal steps, all of which stamps since an epoch round away."""
+    n, period = 400, 2.0**-12
+    off = np.random.default_rng(seed).uniform(-1.1e-7, 1.1e-7, n)
+    (piece,) = steady(recorded(2.0**30 + 2.0**29 + period * np.arange(n) + off), period, Q)
+    log = piece.log
+    read = float(log.period) * (np.arange(n) - (n - 1) / 2)
+    true = period * (np.arange(n) - (n - 1) / 2) + off
+    assert np.ptp(true - read) / 2 <= float(log.jitter)
+
+
 def test_pieces_of_many_lengths_have_few_shapes():
     time = H * np.arange(6000)
     log = recorded(time)
@@ -113,7 +125,7 @@ def test_a_clock_that_drifts_is_cut_where_it_must_be():
 
 
 def test_what_no_servo_of_this_period_can_have_left_is_refused():
-    with pytest.raises(ValueError, match=r"no 4 rows on end that are 0\.001 s"):
+    with pytest.raises(ValueError, match=r"no 5 rows on end that are 0\.001 s"):
         steady(recorded(np.cumsum(np.tile([1.0, 1.0, 1.0, 0.5, 1.5], 60) * H)), H, Q)
     with pytest.raises(ValueError, match=r"1 s apart, but .* 0.001 s.*unit of time right\?"):
         steady(recorded(np.arange(100.0)), H, Q)
