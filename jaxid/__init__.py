@@ -55,11 +55,11 @@ trajectory
     brackets <- checks, log, quantities, ranges, system
     log_rows <- brackets, estimate, log, quantities, ranges, record, regressors, system
     joint <- brackets, checks, log, log_rows, record, system
-    modulating <- bound, log_rows
+    modulating <- bound, checks, log_rows
     feasible_set <- checks, disturbance_bounds, estimate, joint, log, log_rows, modulating, \
 quantities, record, system
     guarantee <- checks, estimate, joint, log, log_rows, modulating, system
-    stretches <- estimate, feasible_set, guarantee, joint, log, system
+    stretches <- estimate, feasible_set, guarantee, joint, log, modulating, system
     foresight <- checks, control, disturbance, log, loop, quantities, sensing, simulate, system, \
 trajectory
     guaranteed_error <- bound, brackets, checks, disturbance_bounds, foresight, guarantee, \
@@ -91,7 +91,7 @@ floor, foresight, guarantee, motion_design, report, setpoints, trajectory
     axis_tradeoff <- axis_design, axis_file, checks, design, files, floor, limits, motion_design, \
 report, trajectory
     axis_prior <- axis_file, checks, disturbance_bounds, feasible_set, fit, log, log_file, \
-regressors, report, steady, system
+regressors, report, steady, stretches, system
     axis_identify <- axis_file, checks, feasible_set, files, fit, guarantee, limits, log, \
 log_file, report, steady, stretches, system
     axis_simulate <- axis_design, axis_file, checks, disturbance, files, guarantee, limits, log, \

@@ -21,6 +21,7 @@ from jaxid.log_file import Recorded
 from jaxid.regressors import Coulomb, OneWay, Sign, Viscous
 from jaxid.report import text_table
 from jaxid.steady import steady
+from jaxid.stretches import shared
 from jaxid.system import System, Term
 
 _SHARE = 0.5  # of the estimate
@@ -117,8 +118,7 @@ def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) ->
     """The smallest constant δ that explains the logs."""
     level = float(np.sqrt(np.mean(rest**2))) or 1.0
     unit = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(level))
-    knots = max(_KNOTS // len(logs), 2)
-    factor = explaining_factor(unit, logs, knots)
+    factor = explaining_factor(unit, logs, shared(_KNOTS, logs))
     require(
         factor < MOST,
         f"Argument `recorded`: not even {MOST:g} times the rest of least squares explains it as a "

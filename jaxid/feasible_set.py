@@ -27,7 +27,7 @@ from jaxid.estimate import Estimate
 from jaxid.joint import read_together
 from jaxid.log import ContradictionError, Log
 from jaxid.log_rows import ROUNDED, Logged
-from jaxid.modulating import Program, pieces
+from jaxid.modulating import Knots, Program, pieces
 from jaxid.quantities import Scalar
 from jaxid.record import Record
 from jaxid.system import System
@@ -58,7 +58,7 @@ def unlogged(system: System, record: Record) -> Logged:
 
 
 def feasible_set(
-    logged: Logged, others: Sequence[Estimate] = (), knots: int | None = None
+    logged: Logged, others: Sequence[Estimate] = (), knots: Knots = None
 ) -> FeasibleSet:
     """All θ of the box that can have left the data, parameter by parameter.
 
@@ -99,7 +99,7 @@ def feasible_set(
     return FeasibleSet(lower, upper)
 
 
-def blind(logged: Logged, knots: int | None = None) -> dict[str, Float[np.ndarray, " m"]]:
+def blind(logged: Logged, knots: Knots = None) -> dict[str, Float[np.ndarray, " m"]]:
     """What the motion behind the data cannot tell apart, whatever the data say.
 
     Args:
@@ -117,7 +117,7 @@ def blind(logged: Logged, knots: int | None = None) -> dict[str, Float[np.ndarra
 
 
 def projection(
-    logged: Logged, one: str, other: str, knots: int | None = None
+    logged: Logged, one: str, other: str, knots: Knots = None
 ) -> Float[np.ndarray, "directions 2"]:
     """Corners of a polygon that holds the feasible set seen in the plane of two parameters."""
     system = logged.system
@@ -135,7 +135,7 @@ def projection(
 
 
 def smallest_factor(
-    rows: Callable[[Scalar], Logged], knots: int | None = None, least: float = LEAST
+    rows: Callable[[Scalar], Logged], knots: Knots = None, least: float = LEAST
 ) -> float:
     """The largest s for which s·δ is proved not to explain the data; a thousandth more may do.
 
@@ -147,7 +147,7 @@ def smallest_factor(
         least: where the search begins, and what is returned if already it may explain them.
     """
 
-    def needed(factor: float, count: int | None) -> float:
+    def needed(factor: float, count: Knots) -> float:
         """Of a multiple of δ once more; infinite where not even the brackets have room."""
         try:
             logged = rows(jnp.asarray(factor))
@@ -155,7 +155,7 @@ def smallest_factor(
             return np.inf
         return _needed(logged, *_program(logged, count))
 
-    few = _COARSE if knots is None else min(_COARSE, knots)
+    few = min(_COARSE, knots) if isinstance(knots, int) else knots or _COARSE
     low, high, n_low = least, least, np.inf
     for count in dict.fromkeys((few, knots)):  # what few see, all would see
         while (n_high := needed(high, count)) > 1.0:
@@ -168,14 +168,14 @@ def smallest_factor(
 
 
 def explaining_factor(
-    system: System, logs: Sequence[Log], knots: int | None = None, least: float = LEAST
+    system: System, logs: Sequence[Log], knots: Knots = None, least: float = LEAST
 ) -> float:
     """`smallest_factor` of the δ of a system, for logs of it: above 1 they contradict it.
 
     Args:
         system: its box and δ.
         logs: of one axis.
-        knots: of the weights, at most, for each log on average; default all rows.
+        knots: of the weights, at most, for each log; default all rows.
         least: what is returned if already it may explain them.
     """
     return smallest_factor(lambda s: read_together(louder(system, s), logs), knots, least)
@@ -213,7 +213,7 @@ def louder(system: System, factor: Scalar | float) -> System:
     return eqx.tree_at(lambda s: s.disturbance_bound, system, bound)
 
 
-def _program(logged: Logged, knots: int | None) -> tuple[Program, Float[np.ndarray, " n"]]:
+def _program(logged: Logged, knots: Knots) -> tuple[Program, Float[np.ndarray, " n"]]:
     """What `modulating` solves, and u − Φ·centre."""
     rows, system = logged.record.rows, logged.system
     channel = logged.channels.get("quantised ÿ")

@@ -13,7 +13,7 @@ from jaxid.estimate import Estimate
 from jaxid.joint import read_together
 from jaxid.log import ContradictionError, Log
 from jaxid.log_rows import Logged, guaranteed
-from jaxid.modulating import KNOTS, modulating
+from jaxid.modulating import KNOTS, Knots, modulating
 from jaxid.system import System
 
 # of reading the log with the box that the round before left; a third one gains nothing
@@ -47,7 +47,7 @@ def identify_log(system: System, log: Log, knots: int = KNOTS) -> Guarantee:
     return identify_logs(system, [log], knots)
 
 
-def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Guarantee:
+def identify_logs(system: System, logs: Sequence[Log], knots: Knots = KNOTS) -> Guarantee:
     """Intervals for θ of every plant of a system that can have left all of several logs.
 
     The brackets of the motion are the narrower the smaller the box is, and a log makes the box
@@ -57,7 +57,7 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
     Args:
         system: its box and δ, which the intervals rest on.
         logs: of the same axis; their periods and encoders may differ.
-        knots: of the modulating functions, at most, for each log on average.
+        knots: of the modulating functions, at most, for each log: one number, or one of each.
 
     Raises:
         ContradictionError: if no plant of the system can have left the logs.
@@ -67,14 +67,15 @@ def identify_logs(system: System, logs: Sequence[Log], knots: int = KNOTS) -> Gu
         f"Argument `logs` must hold one log at least of two ticks or more, but holds {len(logs)} "
         "that have fewer.",
     )
-    several = [log for log in logs if log.input.size > 1] if len(logs) > 1 else []
-    alone = [_read(system, system, [log], knots).estimate for log in several]
+    each = knots if isinstance(knots, tuple) else (knots,) * len(logs)
+    several = zip(logs, each, strict=True) if len(logs) > 1 else ()
+    alone = [_read(system, system, [x], own).estimate for x, own in several if x.input.size > 1]
     narrow = narrowed(system, *alone) if alone else system
     together = _read(narrow, system, logs, knots)
     return Guarantee(best([together.estimate, *alone]), together.logged)
 
 
-def _read(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Guarantee:
+def _read(narrow: System, system: System, logs: Sequence[Log], knots: Knots) -> Guarantee:
     """All logs as the rows of one, read again with the box that the first reading leaves."""
     found = _once(narrow, system, logs, knots)
     for _ in range(ROUNDS - 1):
@@ -83,7 +84,7 @@ def _read(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Gu
     return found
 
 
-def _once(narrow: System, system: System, logs: Sequence[Log], knots: int) -> Guarantee:
+def _once(narrow: System, system: System, logs: Sequence[Log], knots: Knots) -> Guarantee:
     logged = read_together(narrow, logs)
     weights = modulating(logged, system.half_widths, knots=knots)
     return Guarantee(guaranteed(logged, weights), logged)

@@ -20,22 +20,18 @@ from scipy import sparse
 from scipy.optimize import OptimizeResult, linprog
 
 from jaxid.bound import Norm
+from jaxid.checks import require
 from jaxid.log_rows import Logged
 
-_FEW = 2  # knots of a short log
 KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
 
 
-class Piece(NamedTuple):
-    """The rows of a log: the first, the one after the last, and its share of the time of all."""
-
-    start: int
-    stop: int
-    share: float
+Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
+Knots = int | tuple[int, ...] | None  # of each log, at most: one number for all, or all its rows
 
 
 def modulating(
-    logged: Logged, box: Float[Array, " m"], norm: Norm | None = None, knots: int = KNOTS
+    logged: Logged, box: Float[Array, " m"], norm: Norm | None = None, knots: Knots = KNOTS
 ) -> Float[Array, "k n"]:
     """Weights on the rows of `hats`, one row of them per functional.
 
@@ -43,7 +39,7 @@ def modulating(
         logged: by `hats`.
         box: b, half the widths of the prior box, in the units of the parameters.
         norm: the functionals; without one, the m parameters themselves.
-        knots: at most, of each log on average: all logs share them by how long they took.
+        knots: at most, of each log.
     """
     rows, half_widths = logged.record.rows, np.asarray(box)
     functionals = np.eye(half_widths.size) if norm is None else np.asarray(norm.functionals)
@@ -53,13 +49,11 @@ def modulating(
     return jnp.asarray(optimal(phi, delta, noise, half_widths, functionals, knots, runs)[0])
 
 
-def pieces(measure: Float[Array, " n"]) -> tuple[Piece, ...]:
-    """Each log: what padding parts."""
-    time = np.asarray(measure)
-    counted = np.pad(time > 0, 1).astype(int)
+def pieces(measure: Float[Array, " n"]) -> Pieces:
+    """The rows of each log: what padding parts."""
+    counted = np.pad(np.asarray(measure) > 0, 1).astype(int)
     starts, stops = (np.flatnonzero(np.diff(counted) == sign) for sign in (1, -1))
-    ends = zip(starts.tolist(), stops.tolist(), strict=True)
-    return tuple(Piece(i, k, float(time[i:k].sum() / time.sum())) for i, k in ends)
+    return tuple(zip(starts.tolist(), stops.tolist(), strict=True))
 
 
 def optimal(
@@ -68,8 +62,8 @@ def optimal(
     noise: Float[np.ndarray, " samples"],
     half_widths: Float[np.ndarray, " m"],
     functionals: Float[np.ndarray, "k m"],
-    knots: int,
-    runs: tuple[Piece, ...] | None = None,
+    knots: Knots,
+    runs: Pieces | None = None,
 ) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k m"]]:
     """Weights, and the multipliers ν of c − Φᵀg: what a change of Φ costs is −gν.
 
@@ -79,8 +73,8 @@ def optimal(
         noise: bounds of what second differences of the weights are multiplied by.
         half_widths: of the prior box.
         functionals: c.
-        knots: at most, as those of `modulating`.
-        runs: each log; default one of all rows.
+        knots: at most, of each log.
+        runs: the rows of each log; default all rows of one.
     """
     program = Program(phi, delta, noise, half_widths, knots, runs)
     found = [program.least(c) for c in functionals]
@@ -97,11 +91,11 @@ class Program:
         delta: Float[np.ndarray, " n"],
         noise: Float[np.ndarray, " samples"],
         half_widths: Float[np.ndarray, " m"],
-        knots: int | None,
-        runs: tuple[Piece, ...] | None = None,
+        knots: Knots,
+        runs: Pieces | None = None,
     ) -> None:
-        """The arguments are those of `optimal`; without `knots` every row has a weight."""
-        whole = (Piece(0, delta.size, 1.0),)
+        """The arguments are those of `optimal`."""
+        whole = ((0, delta.size),)
         self.basis, kinks, second = _family(delta.size, whole if runs is None else runs, knots)
         self.half_widths = half_widths
         self.delta = delta @ self.basis
@@ -187,11 +181,16 @@ class _Family(NamedTuple):
 
 
 @functools.lru_cache(maxsize=4)
-def _family(size: int, runs: tuple[Piece, ...], most: int | None) -> _Family:
-    shares = [size if most is None else round(most * len(runs) * run.share) for run in runs]
+def _family(size: int, runs: Pieces, knots: Knots) -> _Family:
+    each = knots if isinstance(knots, tuple) else (size if knots is None else knots,) * len(runs)
+    require(
+        len(each) == len(runs),
+        f"Argument `knots` must be one number, or one for each of {len(runs)} logs, but has "
+        f"{len(each)}.",
+    )
     blocks = [
-        _hats(run.start, run.stop - run.start, size, max(share, _FEW))
-        for run, share in zip(runs, shares, strict=True)
+        _hats(start, stop - start, size, most)
+        for (start, stop), most in zip(runs, each, strict=True)
     ]
     # where no row counts, there are no weights
     basis = sparse.csr_array(sparse.hstack([sparse.csr_array((size, 0)), *blocks]))

@@ -17,6 +17,7 @@ from jaxid.feasible_set import LEAST, MOST, blind, explaining_factor, feasible_s
 from jaxid.guarantee import best, identify_logs, within
 from jaxid.joint import read_together
 from jaxid.log import ContradictionError, Log
+from jaxid.modulating import Knots
 from jaxid.system import System
 
 STRETCH = 8192  # ticks at most: linear programs of a second
@@ -138,11 +139,11 @@ class _Reading:
     def read(self, logs: list[Log], tell: Callable[[str], None]) -> None:
         """One more stretch."""
         self.parts.append(logs)
-        knots = _each(_KNOTS, logs)
+        knots = shared(_KNOTS, logs)
         ticks = sum(int(log.took_place().sum()) for log in logs)
-        self.coarse = max(self.coarse, ticks / (knots * len(logs)))
+        self.coarse = max(self.coarse, ticks / sum(knots))
         tell("smallest δ that explains it")
-        for count in (knots, _FINER * knots):
+        for count in (knots, shared(_FINER * _KNOTS, logs)):
             self.factor = explaining_factor(self.system, logs, count, self.factor)
             if self.factor < _FAR or self.factor == MOST:
                 break
@@ -153,7 +154,7 @@ class _Reading:
             self._look(logs, knots)
         self.narrow(logs, knots, tell)
 
-    def narrow(self, logs: Sequence[Log], knots: int, tell: Callable[[str], None]) -> None:
+    def narrow(self, logs: Sequence[Log], knots: Knots, tell: Callable[[str], None]) -> None:
         """The box, unless something contradicts the axis."""
         if self.factor > 1 or self.contradiction:
             return
@@ -167,7 +168,7 @@ class _Reading:
             if len(self.parts) > 1:  # they may contradict one another, none itself
                 self.contradiction = _NOT_ALL.format(len(self.parts))
                 together = most_telling(self._explained, self.parts, first=self.parts[-1])
-                many = _each(_TOGETHER, together)
+                many = shared(_TOGETHER, together)
                 self.factor = explaining_factor(self.system, together, many, self.factor)
         else:
             self.estimates.append(found.estimate)
@@ -200,7 +201,7 @@ class _Reading:
         if contradicted and not self.unseen:
             return
         logs = most_telling(self._explained, self.parts)
-        knots = _each(_TOGETHER, logs)
+        knots = shared(_TOGETHER, logs)
         self.narrow(logs, knots, tell)
         if self.unseen:
             self._look(logs, knots)
@@ -210,7 +211,7 @@ class _Reading:
         """With a δ for which each stretch is possible: a thousandth more than the factor may do."""
         return louder(self.system, max(1.0, 1.01 * self.factor))
 
-    def _look(self, logs: Sequence[Log], knots: int) -> None:
+    def _look(self, logs: Sequence[Log], knots: Knots) -> None:
         """What neither these logs nor those before tell apart."""
         now = blind(read_together(self._explained, logs), knots)
         before = now if self.unseen is None else self.unseen
@@ -223,9 +224,10 @@ def rounded_down(factor: float) -> float:
     return floor(factor * 10**digits) / 10**digits
 
 
-def _each(knots: int, logs: Sequence[Log]) -> int:
-    """Of all logs together, for one of them."""
-    return max(knots // len(logs), 2)
+def shared(knots: int, logs: Sequence[Log]) -> tuple[int, ...]:
+    """Among logs, by their ticks; two for each at least."""
+    ticks = [int(log.took_place().sum()) for log in logs]
+    return tuple(max(knots * own // sum(ticks), 2) for own in ticks)
 
 
 def _ticks(logs: Sequence[Log]) -> int:

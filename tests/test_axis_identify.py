@@ -87,7 +87,8 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     time, u, q = rows.T
     recorded = Recorded(time * 1e-3, q * 1e-6, u * -0.5)
     pieces = steady(recorded, axis.servo.period, axis.servo.resolution, DELAY)
-    own = identify_logs(axis.system, [piece.log for piece in pieces], 1000 // len(pieces))
+    logs = [piece.log for piece in pieces]
+    own = identify_logs(axis.system, logs, stretches.shared(1000, logs))
     bounds = [one["bound"] for one in found["parameters"].values()]
     np.testing.assert_allclose(bounds, own.estimate.bound, rtol=1e-9)
     assert bounds[0] < 0.0039  # the whole log proves 0.0036

@@ -19,7 +19,7 @@ from jaxid.guarantee import assumptions, identify_log, identify_logs
 from jaxid.joint import joined
 from jaxid.log import Log
 from jaxid.log_rows import boxes, guaranteed, hats
-from jaxid.modulating import pieces
+from jaxid.modulating import Program, pieces
 from jaxid.sensing import Encoder
 from jaxid.simulate import Plant
 
@@ -69,9 +69,7 @@ def test_any_weights_mean_what_they_mean_log_by_log(way, logs, key):
     np.testing.assert_allclose(found.theta, SYSTEM.centre + mean, rtol=1e-9)
     np.testing.assert_allclose(found.bound, bound, rtol=1e-8)
     n = counts[0]
-    first, second = pieces(together.record.rows.measure)
-    assert (first[:2], second[:2]) == ((0, n), (n + 2, n + 2 + counts[1]))
-    assert first.share == pytest.approx(0.5, abs=1e-3)
+    assert pieces(together.record.rows.measure) == ((0, n), (n + 2, n + 2 + counts[1]))
 
 
 def test_together_they_prove_more_than_each(logs):
@@ -142,6 +140,18 @@ def test_logs_of_two_motors_contradict_each_other(figures, logs):
         feasible_set(single, knots=KNOTS)
     with pytest.raises(ValueError, match="no θ of the box can have left these data"):
         feasible_set(joined(pair), knots=KNOTS)
+
+
+def test_each_log_has_its_own_number_of_weights(logs):
+    """None: all rows; a number for all logs, or one for each."""
+    together = joined([rows(hats, log) for log in logs])
+    runs = pieces(together.record.rows.measure)
+    args = (np.ones((together.record.input.size, 4)), np.ones(together.record.input.size))
+    noise, box = np.ones(together.record.input.size + 2), np.ones(4)
+    for knots, expected in ((None, 2999 + 1499), (50, 100), ((60, 20), 80)):
+        assert Program(*args, noise, box, knots, runs).delta.size == expected
+    with pytest.raises(ValueError, match=r"`knots` must be .* one for each of 2 logs, but has 3"):
+        Program(*args, noise, box, (1, 2, 3), runs)
 
 
 def test_what_cannot_be_joined_is_refused(logs):

@@ -157,7 +157,7 @@ def test_short_pieces_take_no_weights_from_a_long_one(parts, monkeypatch):
     long, pieces = parts[0], [cut(parts[1], 10 * k, 10) for k in range(60)]
     alone, beside = prove(motor.system(), [long]), prove(motor.system(), [long, *pieces])
     assert beside.stretches == 1
-    assert beside.coarse == pytest.approx(1349 / 122)  # of 2 each, less if the long one has more
+    assert beside.coarse == pytest.approx(1349 / (83 + 60 * 2))
     widths = (beside.estimate.upper - beside.estimate.lower) / (
         alone.estimate.upper - alone.estimate.lower
     )
