@@ -123,14 +123,15 @@ def test_what_one_stretch_tells_apart_is_told_apart(parts):
 
 
 def at_speed(speed):
-    """1200 ticks of the motor without acceleration."""
-    u = jnp.full(1200, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
-    y = jnp.round(speed * PERIOD * jnp.arange(1201) / 1e-6) * 1e-6
+    """400 ticks of the motor without acceleration."""
+    u = jnp.full(400, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
+    y = jnp.round(speed * PERIOD * jnp.arange(401) / 1e-6) * 1e-6
     return Log(u, y, PERIOD, 1e-6)
 
 
 def test_what_only_two_stretches_together_tell_apart_is_told_apart(monkeypatch):
     """Two speeds tell friction from damping; one of them alone does not."""
+    monkeypatch.setattr(room, "STRETCH", 500)
     box = motor.system()
     small = eqx.tree_at(lambda s: s.disturbance_bound, box, ConstantBound(0.02))
     slow, fast = at_speed(0.2), at_speed(1.5)
@@ -141,7 +142,7 @@ def test_what_only_two_stretches_together_tell_apart_is_told_apart(monkeypatch):
     assert "B" not in found.unseen
     assert "M" in found.unseen
     # also of a log that is too long to be read together, by the stretches that tell most
-    monkeypatch.setattr(room, "WHOLE", 2500)
+    monkeypatch.setattr(room, "WHOLE", 900)
     longer = [at_speed(v) for v in (0.2, 0.21, 0.2, 1.5, 0.2, 1.4)]
     chosen = most_telling(small, [[log] for log in longer])
     assert len(chosen) == 2
