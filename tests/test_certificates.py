@@ -158,6 +158,7 @@ def width(row):
     return row["possible_upper"] - row["possible_lower"]
 
 
+@pytest.mark.usefixtures("quick_compilation")
 def test_the_rounds_run(tmp_path, capsys):
     sequential.main(sequential.Sequential(tmp_path, toy=True))
     rows = read_table(tmp_path / "toy_sequential.csv")
