@@ -55,7 +55,7 @@ bench-design: $(BENCH)  ## the design search beside IPOPT, cell by cell; 15 minu
 test: $(READY)  ## every promise
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
-long: $(READY)  ## a log of 200 MB, read in little memory; seven minutes
+long: $(READY)  ## a log of 200 MB, read in little memory; six minutes
 	JAXID_LONG_LOG=200 $(BIN)/python -m pytest tests/test_long_log.py
 
 check: $(READY)  ## lint and types

@@ -1,4 +1,4 @@
-"""A log of 200 MB: `make long`, seven minutes; not a part of `make test`."""
+"""A log of 200 MB: `make long`, six minutes; not a part of `make test`."""
 
 import json
 import os
