@@ -23,7 +23,7 @@ from jaxid.dataset import Labels, labelled, names
 from jaxid.disturbance import NoDisturbance
 from jaxid.files import read_trajectory, write_dataset
 from jaxid.runtime import processors
-from jaxid.sweep import Grid, Truth, grid, item, law
+from jaxid.sweep import Grid, Swept, Truth, grid, item, law
 from jaxid.trajectory import JerkTrajectory
 
 FILES = ("sweep.nc", "sweep_bound.png", "sweep_tracking.png")
@@ -98,10 +98,12 @@ def study(
         axis.system,
         axis.sensor,
         NoDisturbance(),
-        [played(axis, motion) for motion in motions.values()],
-        [scaled(axis.law, factor) for factor in factors],
-        list(truths.values()),
-        bandwidths,
+        Swept(
+            [played(axis, motion) for motion in motions.values()],
+            [scaled(axis.law, factor) for factor in factors],
+            list(truths.values()),
+            bandwidths,
+        ),
         axis.servo.period,
         seed=seed,
     )

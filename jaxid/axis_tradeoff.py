@@ -65,7 +65,7 @@ def tradeoff(
             f"{folder} holds a design that is none of this axis and search: choose another folder, "
             "or allow to replace it with --force.",
         )
-    found = []
+    found, least = [], floor(axis.system, axis.task.limits)  # whatever the duration
     for folder, (target, longer), motion in zip(folders, asked, kept, strict=True):
         label = folder.name
         if motion is None:
@@ -75,7 +75,6 @@ def tradeoff(
             write_design(folder, one)
         else:
             tell(f"{label}: what it is worth")
-            least = floor(longer.system, longer.task.limits)
             one = appraised(longer, target, search, motion, least)
         found.append(one)
     return found

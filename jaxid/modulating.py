@@ -23,11 +23,9 @@ from jaxid.bound import Norm
 from jaxid.checks import require
 from jaxid.log_rows import Logged
 
-KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
-
-
 Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
 Knots = int | tuple[int, ...] | None  # of each log, at most: one number for all, or all its rows
+KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
 
 
 def modulating(

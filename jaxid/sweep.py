@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -40,6 +40,15 @@ class Truth(eqx.Module):
     own: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
     random: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
     against: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+
+
+class Swept(NamedTuple):
+    """What a sweep goes through, each with every other; as the attributes of `Grid`, one by one."""
+
+    motions: Sequence[JerkTrajectory]
+    controllers: Sequence[Controller]
+    truths: Sequence[Truth]
+    bandwidths: Sequence[float]
 
 
 class Grid(eqx.Module):
@@ -93,19 +102,16 @@ def grid(
     system: System,
     sensor: Sensor,
     own: Disturbance,
-    motions: Sequence[JerkTrajectory],
-    controllers: Sequence[Controller],
-    truths: Sequence[Truth],
-    bandwidths: Sequence[float],
+    swept: Swept,
     period: float,
     *,
     repeats: int = 1,
     seed: int = 0,
 ) -> Grid:
-    """Stack what is swept; the arguments are the attributes of `Grid`, one by one."""
-    lists = {"motions": motions, "controllers": controllers, "truths": truths}
-    for name, values in {**lists, "bandwidths": bandwidths}.items():
+    """Stack what is swept; the other arguments are the attributes of `Grid`."""
+    for name, values in swept._asdict().items():
         require(len(values) > 0, f"Argument `{name}` must have at least one entry, but has none.")
+    motions, controllers, truths, bandwidths = swept
     lengths = [ticks(motion, period) for motion in motions]
     intervals = max(motion.jerk.size for motion in motions)
     return Grid(

@@ -1,5 +1,7 @@
 """What data leave possible: it holds the truth, no estimator knows more, and lies are found out."""
 
+import re
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -23,6 +25,7 @@ from jaxid.feasible_set import (
     unlogged,
 )
 from jaxid.guarantee import identify_log
+from jaxid.log import ContradictionError
 from jaxid.log_rows import guaranteed, hats
 from jaxid.record import Record, Rows
 from jaxid.sensing import Encoder
@@ -95,8 +98,10 @@ def test_data_that_contradict_delta_are_found_out(key):
     """The smallest factor is the one that a linear program of its definition asks for."""
     _, record, _ = data_set(key)
     wrong = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(300.0))
-    with pytest.raises(ValueError, match=r"`logged`: no θ of the box can have left"):
+    with pytest.raises(ContradictionError, match=r"`logged`: no θ of the box can have") as refused:
         feasible_set(unlogged(SYSTEM, wrong))
+    # of a box that rests on δ no larger δ can be told
+    assert not re.search(r"\d", str(refused.value))
     factor = smallest_factor(lambda s: unlogged(SYSTEM, times(wrong, s)))
     phi, u = np.asarray(record.rows.regressors), np.asarray(wrong.input)
     delta = np.asarray(record.rows.delta)[:, None]

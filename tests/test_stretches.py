@@ -111,6 +111,9 @@ def test_stretches_that_contradict_one_another(parts, monkeypatch):
     apart = prove(system, [parts[1], parts[0], *other])
     assert apart.estimate is None
     assert apart.factor <= found.factor * 1.001
+    said = "Nothing within the box and δ can have left all of the first"
+    assert apart.factor > 1.0 or said in apart.contradiction
+    assert "at least" not in apart.contradiction
 
 
 def test_what_one_stretch_tells_apart_is_told_apart(parts):

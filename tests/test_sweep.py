@@ -18,7 +18,7 @@ from jaxid.files import read_dataset, read_trajectory, write_dataset
 from jaxid.runtime import connect
 from jaxid.sensing import Encoder
 from jaxid.simulate import Plant
-from jaxid.sweep import Truth, grid, item
+from jaxid.sweep import Swept, Truth, grid, item
 
 LIGHT = (0.08, 0.0, 0.0, -0.5)
 BANDWIDTHS = (100.0, 1000.0)
@@ -61,10 +61,12 @@ def small(figures):
         motor.system(),
         Encoder(motor.ENCODER_RESOLUTION),
         motor.plant().disturbance,
-        [read_trajectory(figures / f"trajectory_M_N{n}.csv") for n in (30, 40)],
-        [chosen, stiff],
-        [Truth(motor.TRUE_PARAMETERS, own=1.0), Truth(LIGHT, against=1.0)],
-        BANDWIDTHS,
+        Swept(
+            [read_trajectory(figures / f"trajectory_M_N{n}.csv") for n in (30, 40)],
+            [chosen, stiff],
+            [Truth(motor.TRUE_PARAMETERS, own=1.0), Truth(LIGHT, against=1.0)],
+            BANDWIDTHS,
+        ),
         motor.CONTROL_PERIOD,
     )
 
@@ -165,4 +167,4 @@ def test_options_that_make_no_sense_are_refused(small):
     with pytest.raises(ValueError, match="given together"):
         connect(1, coordinator="127.0.0.1:1")
     with pytest.raises(ValueError, match="`motions` must have at least one entry"):
-        grid(small.system, small.sensor, small.own, [], [], [], [], 1.0)
+        grid(small.system, small.sensor, small.own, Swept([], [], [], []), 1.0)

@@ -23,7 +23,7 @@ from jaxid.dataset import Labels, labelled
 from jaxid.files import read_dataset, read_trajectory, write_dataset
 from jaxid.runtime import configure, connect, processors
 from jaxid.sensing import Encoder
-from jaxid.sweep import Grid, Truth, grid, item
+from jaxid.sweep import Grid, Swept, Truth, grid, item
 
 COMMAND = "python -m experiments.linear_motor.sweep"
 
@@ -131,10 +131,12 @@ def study(options: Sweep) -> tuple[Grid, Labels]:
         motor.system(),
         Encoder(motor.ENCODER_RESOLUTION),
         motor.plant().disturbance,
-        list(motions.values()),
-        list(controllers.values()),
-        list(truths.values()),
-        BANDWIDTHS[few],
+        Swept(
+            list(motions.values()),
+            list(controllers.values()),
+            list(truths.values()),
+            BANDWIDTHS[few],
+        ),
         motor.CONTROL_PERIOD,
         repeats=1 if options.toy else PERIODS,
         seed=options.seed,
