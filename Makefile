@@ -10,41 +10,41 @@ WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 .PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test long check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
-	$(BIN)/python -m experiments.linear_motor
+	$(BIN)/python -m experiments.paper
 
 sweep: $(READY)  ## J_f and tracking over horizons, bandwidths, gains and scenarios: data and heat maps
-	$(BIN)/python -m experiments.linear_motor.sweep
+	$(BIN)/python -m experiments.beyond.sweep
 
 robust: $(READY)  ## motions whose limits the axis itself keeps, sampled and proved; an hour, goes on motion by motion
-	$(BIN)/python -m experiments.linear_motor.robust
+	$(BIN)/python -m experiments.beyond.robust
 
 endtoend: $(READY)  ## designs through filter and closed loop, table 6 and 7; four hours, goes on where it stopped
-	$(BIN)/python -m experiments.linear_motor.endtoend
+	$(BIN)/python -m experiments.beyond.endtoend
 
 honest: $(READY)  ## intervals from 10,000 simulated logs beside the truths; goes on where it stopped
-	$(BIN)/python -m experiments.linear_motor.honest
+	$(BIN)/python -m experiments.beyond.honest
 
 compare: $(READY)  ## chirps, multisines and other excitations, each optimised, beside ours; twelve minutes
-	$(BIN)/python -m experiments.linear_motor.compare
+	$(BIN)/python -m experiments.beyond.compare
 
 sensors: $(READY)  ## what a guarantee costs over encoder resolutions and servo periods; two minutes
-	$(BIN)/python -m experiments.linear_motor.sensors
+	$(BIN)/python -m experiments.beyond.sensors
 
 sequential: $(READY)  ## three experiments, each under limits that the ones before have widened; 15 minutes
-	$(BIN)/python -m experiments.linear_motor.sequential
+	$(BIN)/python -m experiments.beyond.sequential
 
 arm: $(READY)  ## the second axis: designs, how good they are, and what one run proves; three minutes
-	$(BIN)/python -m experiments.one_link_arm
+	$(BIN)/python -m experiments.beyond.arm
 
 examples: $(READY)  ## a pendulum with an objective of its own, a cart with cogging; three minutes
-	$(BIN)/python -m experiments.pendulum
-	$(BIN)/python -m experiments.cart
+	$(BIN)/python -m experiments.axes.pendulum
+	$(BIN)/python -m experiments.axes.cart
 
 emps: $(READY)  ## what a real record proves: make emps DATA=…/DATA_EMPS.mat; three minutes
-	$(BIN)/python -m experiments.emps --data $(DATA)
+	$(BIN)/python -m experiments.axes.emps --data $(DATA)
 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
-	$(BIN)/python -m experiments.linear_motor.crosscheck
+	$(BIN)/python -m experiments.beyond.crosscheck
 
 bench: $(BENCH)  ## how fast, compared with C and CasADi; under five minutes on an idle machine
 	$(BIN)/python -m experiments.bench

@@ -1,121 +1,29 @@
 """Experimental design and guaranteed parameter intervals for machine axes, in JAX.
 
-The data flows one way, from a system and its limits to a motion, a controller, a simulation, a
-Record, weights on it and an estimate:
+The data flows one way. A folder imports only from those above it in this list:
 
-    system - limits - trajectory -> control - simulate -> Record -> weights -> estimate -> report
-                          ^                                                       |
-                          +----------------- design (takes a function) <----------+
+    model           u = φᵀθ + Δ, θ ∈ Ω_θ, |Δ| ≤ δ
+    motion          what a motion is, and which limits it keeps
+    search          trajectory optimisation for any criterion
+    loop            plant, controller, sensor: what the axis does, and its data
+    regression      estimators as weights on data, their exact worst-case errors
+    identification  what recorded logs prove
+    design          criteria of a motion, and the motion that minimises them
+    io              files and pictures
+    sweep           many closed loops, resumable
+    axis            one axis as a file, and the command
 
-`design` takes its objective as a function, so the arrow back is a value and no import. The table
-says which room may import from which; it is tested, and so is that nobody imports from below.
-
-    checks <- -
-    ranges <- -
-    quantities <- -
-    kinks <- quantities
-    regressors <- checks, kinks, quantities, ranges
-    disturbance_bounds <- checks, kinks, quantities, ranges
-    system <- checks, disturbance_bounds, kinks, quantities, ranges, regressors
-    trajectory <- checks, quantities
-    limits <- checks, quantities, ranges, system, trajectory
-    feasible <- checks, limits, trajectory
-    approach <- checks, limits, trajectory
-    starts <- feasible
-    problem <- limits, quantities, trajectory
-    admissible <- checks, feasible, problem, quantities, trajectory
-    axis_conditions <- feasible, limits, ranges, system, trajectory
-    linear_programs <- feasible
-    descent <- problem, quantities, trajectory
-    dwells <- feasible, limits, problem, quantities
-    polish <- admissible, axis_conditions, feasible, linear_programs, problem, quantities, \
-trajectory
-    design <- admissible, descent, dwells, feasible, polish, problem, quantities, starts, \
-trajectory
-    refine <- admissible, axis_conditions, feasible, polish, problem, quantities, trajectory
-    record <- system, trajectory
-    bound <- checks, quantities, record
-    minimax <- bound, checks, quantities, record, system
-    floor <- bound, checks, limits, ranges, system
-    filters <- quantities, record
-    estimators <- bound, filters, minimax, quantities, record
-    sensing <- filters, quantities, record, system, trajectory
-    disturbance <- quantities
-    control <- checks, quantities, sensing, system, trajectory
-    tube <- checks, control, limits, quantities, ranges, sensing, system, trajectory
-    simulate <- control, disturbance, quantities, record, sensing, system, trajectory
-    loop <- control, disturbance, limits, quantities, ranges, record, sensing, simulate, system, \
-trajectory
-    adversary <- disturbance, limits, loop, quantities, simulate, system, trajectory
-    objective <- bound, filters, loop, quantities, record, simulate, system, trajectory
-    excitation <- -
-    estimate <- bound, record, system
-    log <- checks, quantities, ranges
-    fit <- checks, log, system
-    brackets <- checks, log, quantities, ranges, system
-    log_rows <- brackets, estimate, log, quantities, ranges, record, regressors, system
-    joint <- brackets, checks, log, log_rows, record, system
-    modulating <- bound, checks, log_rows
-    feasible_set <- checks, disturbance_bounds, estimate, joint, log, log_rows, modulating, \
-quantities, record, system
-    guarantee <- checks, estimate, joint, log, log_rows, modulating, system
-    stretches <- estimate, feasible_set, guarantee, joint, log, modulating, system
-    foresight <- checks, control, disturbance, log, loop, quantities, sensing, simulate, system, \
-trajectory
-    guaranteed_error <- bound, brackets, checks, disturbance_bounds, foresight, guarantee, \
-log_rows, modulating, quantities, ranges, system, trajectory
-    motion_design <- admissible, bound, checks, design, feasible, foresight, guaranteed_error, \
-objective, polish, problem, quantities, system, trajectory
-    appraisal <- checks, floor, foresight, guarantee, objective, system, trajectory
-    experiment <- bound, checks, control, estimate, filters, log, record, sensing, simulate, \
-system, trajectory
-    log_file <- checks
-    steady <- checks, log, log_file
-    axis_tables <- control, disturbance_bounds, limits, log_file, regressors, system
-    axis_file <- axis_tables, checks, control, foresight, log_file, problem, sensing, system, \
-trajectory
-    files <- checks, trajectory
-    setpoints <- checks, files, limits, trajectory
-    blocks <- checks, files
-    sweep <- checks, control, disturbance, estimate, feasible, filters, quantities, record, \
-sensing, simulate, system, trajectory
-    dataset <- control, files, sweep
-    report <- files, trajectory
-    runtime <- checks
-    linear_motor <- control, disturbance, disturbance_bounds, foresight, limits, regressors, \
-simulate, system
-    one_link_arm <- control, disturbance, disturbance_bounds, foresight, limits, regressors, \
-simulate, system
-    axis_design <- appraisal, approach, axis_file, checks, design, feasible, feasible_set, files, \
-floor, foresight, guarantee, motion_design, report, setpoints, trajectory
-    axis_tradeoff <- axis_design, axis_file, checks, design, files, floor, limits, motion_design, \
-report, trajectory
-    axis_prior <- axis_file, checks, disturbance_bounds, feasible_set, fit, log, log_file, \
-regressors, report, steady, stretches, system
-    axis_identify <- axis_file, checks, feasible_set, files, fit, guarantee, limits, log, \
-log_file, report, steady, stretches, system
-    axis_simulate <- axis_design, axis_file, checks, disturbance, files, guarantee, limits, log, \
-loop, report, sensing, simulate, trajectory
-    axis_sweep <- axis_design, axis_file, blocks, checks, control, dataset, disturbance, files, \
-report, runtime, sweep, trajectory
-    cli <- axis_design, axis_file, axis_identify, axis_prior, axis_simulate, axis_sweep, \
-axis_tradeoff, checks, design, files, log_file, motion_design, runtime
+A design runs through the closed loop, but `search` knows nothing of it: the criterion is a function
+that is handed in.
 """
 
-from jaxid.appraisal import Appraisal, appraise
-from jaxid.approach import approach, joined, wait
-from jaxid.axis_file import Axis, read_axis
-from jaxid.bound import Norm, infinity
-from jaxid.brackets import Brackets, brackets
-from jaxid.control import ARC, OpenLoop, PDFeedforward
-from jaxid.design import Design, Effort, design
-from jaxid.disturbance import Cogging, LowSpeedFriction, Mixture
-from jaxid.disturbance_bounds import ConstantBound, SpeedBand
-from jaxid.estimate import Estimate, estimate
-from jaxid.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
-from jaxid.experiment import identify, log_of, run
-from jaxid.feasible import InfeasibleError
-from jaxid.feasible_set import (
+from jaxid.axis.file import Axis, read_axis
+from jaxid.design.criteria import FilteredError, PlannedError, ThroughLoop, planned_error
+from jaxid.design.evaluation import Appraisal, appraise
+from jaxid.design.guaranteed_criterion import GuaranteedError
+from jaxid.design.nominal_log import Servo, foreseen
+from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed, design_motion
+from jaxid.identification.feasible_parameter_set import (
     FeasibleSet,
     blind,
     explaining_factor,
@@ -124,11 +32,21 @@ from jaxid.feasible_set import (
     smallest_factor,
     unlogged,
 )
-from jaxid.floor import Floor, floor
-from jaxid.foresight import Servo, foreseen
-from jaxid.guarantee import Guarantee, assumptions, identify_log, identify_logs
-from jaxid.guaranteed_error import GuaranteedError
-from jaxid.limits import (
+from jaxid.identification.intervals import Guarantee, assumptions, identify_log, identify_logs
+from jaxid.identification.state_bounds import Brackets, brackets
+from jaxid.io.setpoints import Setpoints, margins, read_setpoints, sampled, write_setpoints
+from jaxid.loop.closed_loop import Loop, Sampled, Scenarios
+from jaxid.loop.controllers import ARC, OpenLoop, PDFeedforward
+from jaxid.loop.disturbances import Cogging, LowSpeedFriction, Mixture
+from jaxid.loop.experiment import identify, log_of, run
+from jaxid.loop.log import ContradictionError, Log
+from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.simulate import Plant
+from jaxid.loop.tube import Tube, cells
+from jaxid.model.disturbance_bound import ConstantBound, SpeedBand
+from jaxid.model.regressors import Constant, Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
+from jaxid.model.system import System, Term
+from jaxid.motion.limits import (
     Boundary,
     Limits,
     Via,
@@ -136,21 +54,18 @@ from jaxid.limits import (
     position_at_least,
     through,
 )
-from jaxid.log import ContradictionError, Log
-from jaxid.loop import Loop, Sampled, Scenarios
-from jaxid.minimax import Optimum, minimax
-from jaxid.motion_design import GuaranteedEffort, design_guaranteed, design_motion
-from jaxid.objective import FilteredError, PlannedError, ThroughLoop, planned_error
-from jaxid.problem import Problem, Task
-from jaxid.refine import refine
-from jaxid.regressors import Constant, Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
+from jaxid.motion.motion_space import InfeasibleError
+from jaxid.motion.point_to_point import approach, joined, wait
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.estimate import Estimate, estimate
+from jaxid.regression.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
+from jaxid.regression.lower_bound import Floor, floor
+from jaxid.regression.minimax import Optimum, minimax
+from jaxid.regression.worst_case import Norm, infinity
 from jaxid.runtime import configure
-from jaxid.sensing import Encoder, IdealSensor
-from jaxid.setpoints import Setpoints, margins, read_setpoints, sampled, write_setpoints
-from jaxid.simulate import Plant
-from jaxid.system import System, Term
-from jaxid.trajectory import JerkTrajectory
-from jaxid.tube import Tube, cells
+from jaxid.search.local import refine
+from jaxid.search.multistart import Design, Effort
+from jaxid.search.problem import Problem, Task
 
 __all__ = [
     "ARC",
@@ -218,7 +133,6 @@ __all__ = [
     "brackets",
     "cells",
     "configure",
-    "design",
     "design_guaranteed",
     "design_motion",
     "estimate",

@@ -6,7 +6,7 @@ import signal
 import jax
 import jaxlib.version
 
-from jaxid.checks import require
+from jaxid._checks import require
 
 # This option folds a small `lax.scan` into one kernel: a closed loop runs several times faster. An
 # option that XLA does not know aborts the process, so it is set only where it was tried.
@@ -51,7 +51,7 @@ def connect(
 
     Args:
         devices: of this process, and of every other. `jax.devices()` may have one more, which
-            stays idle: see `jaxid.blocks`.
+            stays idle: see `jaxid.sweep.blocks`.
         coordinator: host:port of process 0, a free port.
         processes: how many there are.
         process_id: which of them this is, from 0.

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import pytest
 from hypothesis import settings
 
-from jaxid.files import read_trajectory
+from jaxid.io.files import read_trajectory
+from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.runtime import configure
-from jaxid.trajectory import JerkTrajectory
 
 configure()
 jax.config.update("jax_numpy_rank_promotion", "raise")

@@ -6,14 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid.adversary import adversaries
-from jaxid.disturbance import AgainstTracking, NoDisturbance
-from jaxid.limits import Boundary, shrunk, worst_excess
-from jaxid.loop import Loop, Sampled, every, excesses, random_scenarios, vertices
-from jaxid.problem import Problem
-from jaxid.sensing import IdealSensor
-from jaxid.trajectory import uniform
+from experiments.axes import linear_motor as motor
+from jaxid.loop.closed_loop import Loop, Sampled, every, excesses, random_scenarios, vertices
+from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
+from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.worst_case_plants import adversaries
+from jaxid.motion.limits import Boundary, shrunk, worst_excess
+from jaxid.motion.trajectory import uniform
+from jaxid.search.problem import Problem
 
 H, TICKS = motor.CONTROL_PERIOD, 3000
 

@@ -4,15 +4,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid.axis_file import read_axis
-from jaxid.axis_identify import identify_axis
-from jaxid.control import PDFeedforward
-from jaxid.disturbance import LowSpeedFriction
-from jaxid.experiment import log_of, run
-from jaxid.log_file import read_log
-from jaxid.sensing import Encoder
-from jaxid.simulate import Plant
-from jaxid.trajectory import uniform
+from jaxid.axis.file import read_axis
+from jaxid.axis.identify import identify_axis
+from jaxid.io.log_file import read_log
+from jaxid.loop.controllers import PDFeedforward
+from jaxid.loop.disturbances import LowSpeedFriction
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.sensors import Encoder
+from jaxid.loop.simulate import Plant
+from jaxid.motion.trajectory import uniform
 
 TRUTH = (7.2, 21.0, 11.0, -1.5)  # kg, N s/m, N, N
 NEWTONS = 25.0  # per ampere

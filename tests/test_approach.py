@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxid import linear_motor as motor
-from jaxid.approach import approach, joined, wait
-from jaxid.limits import Boundary, Limits, worst_excess
+from experiments.axes import linear_motor as motor
+from jaxid.motion.limits import Boundary, Limits, worst_excess
+from jaxid.motion.point_to_point import approach, joined, wait
 
 ends = st.tuples(st.floats(0.1, 10.0), st.floats(0.1, 10.0)).map(lambda x: (-x[0], x[1]))
 

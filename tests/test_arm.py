@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from conftest import uniform_in_box
 
-from experiments import one_link_arm
-from jaxid import one_link_arm as arm
-from jaxid.bound import least_squares
-from jaxid.control import PDFeedforward
-from jaxid.design import Effort
-from jaxid.disturbance import Sequence
-from jaxid.experiment import identify, run
-from jaxid.files import read_table, read_trajectory
-from jaxid.filters import adjoint, filtered
-from jaxid.limits import worst_excess
-from jaxid.motion_design import design_motion
-from jaxid.objective import planned_error
-from jaxid.problem import Task
-from jaxid.sensing import Encoder, IdealSensor
-from jaxid.simulate import Plant
+from experiments.axes import one_link_arm as arm
+from experiments.beyond import arm as one_link_arm
+from jaxid.design.criteria import planned_error
+from jaxid.design.optimal_motion import design_motion
+from jaxid.io.files import read_table, read_trajectory
+from jaxid.loop.controllers import PDFeedforward
+from jaxid.loop.disturbances import Sequence
+from jaxid.loop.experiment import identify, run
+from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.simulate import Plant
+from jaxid.motion.limits import worst_excess
+from jaxid.regression.filters import adjoint, filtered
+from jaxid.regression.worst_case import least_squares
+from jaxid.search.multistart import Effort
+from jaxid.search.problem import Task
 
 W = 500.0
 
@@ -64,7 +64,7 @@ def test_from_design_to_identified_interval(key):
 
 
 def test_units_follow_the_coordinate():
-    from jaxid.files import trajectory_header
+    from jaxid.io.files import trajectory_header
 
     assert trajectory_header(arm.system().coordinate)[2] == "velocity_rad_s"
 

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid import one_link_arm as arm
-from jaxid.axis_file import example, read_axis
-from jaxid.control import PDFeedforward
-from jaxid.disturbance_bounds import ConstantBound
-from jaxid.log_file import Columns
-from jaxid.regressors import OneWay, Sine
+from experiments.axes import linear_motor as motor
+from experiments.axes import one_link_arm as arm
+from jaxid.axis.file import example, read_axis
+from jaxid.io.log_file import Columns
+from jaxid.loop.controllers import PDFeedforward
+from jaxid.model.disturbance_bound import ConstantBound
+from jaxid.model.regressors import OneWay, Sine
 
 
 @pytest.fixture

@@ -7,18 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import cli, stretches
-from jaxid import linear_motor as motor
-from jaxid.axis_file import example, read_axis
-from jaxid.axis_identify import FILES, identify_axis
-from jaxid.experiment import log_of, run
-from jaxid.files import read_trajectory
-from jaxid.guarantee import identify_logs
-from jaxid.log import ContradictionError
-from jaxid.log_file import Recorded
-from jaxid.sensing import Encoder
-from jaxid.steady import steady
-from jaxid.trajectory import uniform
+from experiments.axes import linear_motor as motor
+from jaxid.axis import cli
+from jaxid.axis.file import example, read_axis
+from jaxid.axis.identify import FILES, identify_axis
+from jaxid.identification import batches as stretches
+from jaxid.identification.intervals import identify_logs
+from jaxid.io.files import read_trajectory
+from jaxid.io.log_file import Recorded
+from jaxid.io.segments import steady
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.log import ContradictionError
+from jaxid.loop.sensors import Encoder
+from jaxid.motion.trajectory import uniform
 
 DELAY = 2
 TRUTH = np.array(motor.TRUE_PARAMETERS)

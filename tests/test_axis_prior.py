@@ -4,16 +4,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import cli
-from jaxid import linear_motor as motor
-from jaxid.axis_file import example, read_axis
-from jaxid.axis_prior import propose
-from jaxid.experiment import log_of, run
-from jaxid.fit import fit
-from jaxid.log import Log
-from jaxid.log_file import Recorded
-from jaxid.sensing import Encoder
-from jaxid.trajectory import uniform
+from experiments.axes import linear_motor as motor
+from jaxid.axis import cli
+from jaxid.axis.file import example, read_axis
+from jaxid.axis.prior import propose
+from jaxid.identification.least_squares import fit
+from jaxid.io.log_file import Recorded
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.log import Log
+from jaxid.loop.sensors import Encoder
+from jaxid.motion.trajectory import uniform
 
 PERIOD = motor.CONTROL_PERIOD
 TRUTH = np.array(motor.TRUE_PARAMETERS)
@@ -66,7 +66,7 @@ def test_a_log_that_does_not_tell_parameters_apart_is_not_fitted():
 
 def test_short_pieces_of_a_long_log_are_fitted_too(jog, monkeypatch):
     """A mean is not of more ticks than a piece has, however many pieces there are."""
-    monkeypatch.setattr("jaxid.fit._MEANS", 10)  # 300 ticks to a mean
+    monkeypatch.setattr("jaxid.identification.least_squares._MEANS", 10)  # 300 ticks to a mean
     pieces = [
         Log(jog.input[a : a + 150], jog.position[a : a + 151], PERIOD, jog.resolution)
         for a in range(0, 3000, 150)

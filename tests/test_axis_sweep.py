@@ -7,22 +7,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import axis_sweep, cli
-from jaxid.axis_design import played
-from jaxid.axis_file import example, read_axis
-from jaxid.control import ARC, Delayed, OpenLoop, PDFeedforward
-from jaxid.disturbance import NoDisturbance
-from jaxid.estimate import least_squares_estimate
-from jaxid.files import read_dataset, read_trajectory
-from jaxid.filters import filtered
-from jaxid.loop import Loop
-from jaxid.sensing import Encoder
-from jaxid.simulate import Plant
-from jaxid.sweep import law
-from jaxid.trajectory import ticks
+from jaxid.axis import cli
+from jaxid.axis import sweep as axis_sweep
+from jaxid.axis.design import played
+from jaxid.axis.file import example, read_axis
+from jaxid.io.files import read_dataset, read_trajectory
+from jaxid.loop.closed_loop import Loop
+from jaxid.loop.controllers import ARC, Delayed, OpenLoop, PDFeedforward
+from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.sensors import Encoder
+from jaxid.loop.simulate import Plant
+from jaxid.motion.trajectory import ticks
+from jaxid.regression.estimate import least_squares_estimate
+from jaxid.regression.filters import filtered
+from jaxid.sweep.grid import law
 from tests.processes import finish, start
 
-PROGRAM = "import sys; from jaxid.cli import main; main(sys.argv[1:])"
+PROGRAM = "import sys; from jaxid.axis.cli import main; main(sys.argv[1:])"
 
 
 @pytest.fixture

@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments._support.processes import processors
 from experiments.bench import __main__ as bench
 from experiments.bench import batches, closed_loop, compile_time, compiled, loop_against_c
 from experiments.bench.answers import AT_MOST, Answer, compared
 from experiments.bench.remote import Remote
 from experiments.bench.timing import Times, interleaved
-from experiments.processes import processors
-from jaxid.files import read_table
+from jaxid.io.files import read_table
 
 needs_compiler = pytest.mark.skipif(compiled.compiler() is None, reason="there is no C compiler")
 LANES = 3

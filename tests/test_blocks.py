@@ -11,8 +11,8 @@ import pytest
 from jax.experimental import multihost_utils
 from processes import SECONDS, finish, free_port, start
 
-from jaxid import blocks
-from jaxid.blocks import Work, collect, compute
+from jaxid.sweep import blocks
+from jaxid.sweep.blocks import Work, collect, compute
 
 
 def squares(data, index):

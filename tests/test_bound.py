@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from jaxid import linear_motor as motor
-from jaxid.bound import (
+from experiments.axes import linear_motor as motor
+from jaxid.loop.record import Rows, rows_of
+from jaxid.regression.worst_case import (
     Norm,
     individual,
     infinity,
@@ -20,7 +21,6 @@ from jaxid.bound import (
     worst_case_disturbance,
     worst_case_error,
 )
-from jaxid.record import Rows, rows_of
 
 seeds = st.integers(0, 10_000)
 
@@ -158,7 +158,7 @@ def test_a_row_without_weight_leaves_no_nan_in_the_gradient():
 def test_a_singular_motion_names_what_it_cannot_tell_apart():
     system = motor.system()
     v = jnp.ones(20)
-    from jaxid.trajectory import States
+    from jaxid.motion.trajectory import States
 
     rows = rows_of(system, States(jnp.zeros(20), v, jnp.linspace(-1.0, 1.0, 20)), jnp.ones(20))
     with pytest.raises(ValueError, match=r"cannot identify M, B, Fc, dbar") as error:

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from experiments.linear_motor import certificates, sensors, sequential
-from experiments.linear_motor.designs import HORIZON, ONE_MOTION, Cell, trajectory_path
-from jaxid import linear_motor as motor
-from jaxid.files import read_table, read_trajectory
-from jaxid.floor import floor
-from jaxid.limits import worst_excess
-from jaxid.record import rows_of
+from experiments.axes import linear_motor as motor
+from experiments.beyond import sensors, sequential
+from experiments.paper import certificates
+from experiments.paper.designs import HORIZON, ONE_MOTION, Cell, trajectory_path
+from jaxid.io.files import read_table, read_trajectory
+from jaxid.loop.record import rows_of
+from jaxid.motion.limits import worst_excess
+from jaxid.regression.lower_bound import floor
 
 
 @pytest.fixture(scope="module")

@@ -8,17 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.linear_motor.designs import TOY, with_starts
-from jaxid import axis_design, axis_tradeoff, cli
-from jaxid.appraisal import appraise
-from jaxid.axis_design import FILES, appraised, designs_in, in_words, of_another_axis
-from jaxid.axis_file import example, read_axis
-from jaxid.axis_simulate import simulate_axis
-from jaxid.feasible import interior
-from jaxid.files import read_table, read_trajectory
-from jaxid.floor import floor
-from jaxid.limits import worst_excess
-from jaxid.setpoints import margins, read_setpoints
+from experiments.paper.designs import TOY, with_starts
+from jaxid.axis import cli
+from jaxid.axis import design as axis_design
+from jaxid.axis import tradeoff as axis_tradeoff
+from jaxid.axis.design import FILES, appraised, designs_in, in_words, of_another_axis
+from jaxid.axis.file import example, read_axis
+from jaxid.axis.simulate import simulate_axis
+from jaxid.design.evaluation import appraise
+from jaxid.io.files import read_table, read_trajectory
+from jaxid.io.setpoints import margins, read_setpoints
+from jaxid.motion.limits import worst_excess
+from jaxid.motion.motion_space import interior
+from jaxid.regression.lower_bound import floor
 
 
 @pytest.fixture

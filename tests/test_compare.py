@@ -10,19 +10,20 @@ import numpy as np
 import pytest
 from scipy.signal import chirp
 
-from experiments.linear_motor import compare, excitations
-from experiments.linear_motor.classical import Information
-from experiments.linear_motor.designs import HORIZON
-from experiments.linear_motor.family_search import Budget, best_members, polished_member
-from jaxid import linear_motor as motor
-from jaxid.admissible import inside, walk
-from jaxid.bound import infinity
-from jaxid.design import Effort
-from jaxid.files import read_table, read_trajectory
-from jaxid.floor import floor
-from jaxid.limits import worst_excess
-from jaxid.objective import PlannedError
-from jaxid.problem import Task
+from experiments._support import excitations
+from experiments._support.classical import Information
+from experiments._support.family_search import Budget, best_members, polished_member
+from experiments.axes import linear_motor as motor
+from experiments.beyond import compare
+from experiments.paper.designs import HORIZON
+from jaxid.design.criteria import PlannedError
+from jaxid.io.files import read_table, read_trajectory
+from jaxid.motion.limits import worst_excess
+from jaxid.regression.lower_bound import floor
+from jaxid.regression.worst_case import infinity
+from jaxid.search.multistart import Effort
+from jaxid.search.problem import Task
+from jaxid.search.restoration import inside, walk
 
 TASK = Task(motor.limits(), motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
 

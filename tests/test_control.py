@@ -11,9 +11,9 @@ from conftest import uniform_in_box
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxid import linear_motor as motor
-from jaxid.control import ARC, Delayed, OpenLoop, PDFeedforward
-from jaxid.disturbance import (
+from experiments.axes import linear_motor as motor
+from jaxid.loop.controllers import ARC, Delayed, OpenLoop, PDFeedforward
+from jaxid.loop.disturbances import (
     AgainstTracking,
     Disturbance,
     NoDisturbance,
@@ -22,9 +22,9 @@ from jaxid.disturbance import (
     random_shares,
     square_wave,
 )
-from jaxid.sensing import Encoder, IdealSensor, Measurement
-from jaxid.simulate import Plant, simulate
-from jaxid.trajectory import States, reference, ticks
+from jaxid.loop.sensors import Encoder, IdealSensor, Measurement
+from jaxid.loop.simulate import Plant, simulate
+from jaxid.motion.trajectory import States, reference, ticks
 
 PERIOD = motor.CONTROL_PERIOD
 PLANTS = 1000

@@ -5,18 +5,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid.bound import individual, infinity
-from jaxid.descent import stages
-from jaxid.design import Effort, design
-from jaxid.dwells import Dwells, jerk_of
-from jaxid.feasible import interior, motion_space
-from jaxid.limits import worst_excess
-from jaxid.motion_design import design_motion
-from jaxid.objective import PlannedError, planned_error
-from jaxid.problem import Problem, Task
-from jaxid.starts import grown, rearranged
-from jaxid.trajectory import JerkTrajectory
+from experiments.axes import linear_motor as motor
+from jaxid.design.criteria import PlannedError, planned_error
+from jaxid.design.optimal_motion import design_motion
+from jaxid.motion.limits import worst_excess
+from jaxid.motion.motion_space import interior, motion_space
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.worst_case import individual, infinity
+from jaxid.search.arc_structures import Dwells, jerk_of
+from jaxid.search.augmented_lagrangian import stages
+from jaxid.search.initial_guesses import grown, rearranged
+from jaxid.search.multistart import Effort, design
+from jaxid.search.problem import Problem, Task
 
 T = motor.KNOT_PERIOD
 SMALL = Effort(starts=16, generations=20, stages=2, rounds=1, variations=16, parents=4, polished=1)
@@ -40,7 +40,7 @@ def test_any_function_of_a_motion_can_be_designed_for(key):
 def highest_at(knot: int) -> float:
     from scipy.optimize import linprog
 
-    from jaxid.feasible import responses
+    from jaxid.motion.motion_space import responses
 
     n = 60
     Y, V, A = (M * 1000.0 for M in responses(n, T, T / 4 * np.arange(1, 4 * n + 1)))
@@ -108,7 +108,7 @@ def test_no_nan_at_rest():
 
 def test_the_shipped_designs_are_as_good_as_they_claim(figures):
     """J* at or below the paper, and within 1 % of the best known values at N = 30."""
-    from jaxid.files import read_table, read_trajectory
+    from jaxid.io.files import read_table, read_trajectory
 
     best_known = {"M": 0.004694, "B": 0.182693, "Fc": 0.211324}
     paper = {("M", 30): 0.0055, ("B", 50): 0.1966, ("Fc", 30): 0.2598}
@@ -134,7 +134,7 @@ def test_the_shipped_designs_are_as_good_as_they_claim(figures):
 
 def test_the_shipped_designs_are_the_best_that_longer_searches_find(figures):
     """`make crosscheck`: three searches agree, and the study is within 1 % of their best."""
-    from jaxid.files import read_table
+    from jaxid.io.files import read_table
 
     searches = ("dwells_1", "dwells_2", "random")
     crosscheck = read_table(figures / "crosscheck.csv")

@@ -6,14 +6,14 @@ from pathlib import Path
 import jax.numpy as jnp
 import pytest
 
-from experiments import emps
-from jaxid.appraisal import appraise
-from jaxid.feasible_set import explaining_factor
-from jaxid.files import read_table, read_trajectory
-from jaxid.floor import floor
-from jaxid.foresight import Servo
-from jaxid.guarantee import identify_log
-from jaxid.limits import Boundary, Limits, acceleration_limit, through, worst_excess
+from experiments.axes import emps
+from jaxid.design.evaluation import appraise
+from jaxid.design.nominal_log import Servo
+from jaxid.identification.feasible_parameter_set import explaining_factor
+from jaxid.identification.intervals import identify_log
+from jaxid.io.files import read_table, read_trajectory
+from jaxid.motion.limits import Boundary, Limits, acceleration_limit, through, worst_excess
+from jaxid.regression.lower_bound import floor
 
 RECORD = Path(os.environ.get("JAXID_EMPS", "DATA_EMPS.mat"))
 at_hand = pytest.mark.skipif(not RECORD.is_file(), reason="JAXID_EMPS names no record")

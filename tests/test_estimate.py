@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from conftest import uniform_in_box
 
-from jaxid import linear_motor as motor
-from jaxid.bound import least_squares
-from jaxid.disturbance import Cogging, Sequence, random_shares
-from jaxid.estimate import least_squares_estimate
-from jaxid.experiment import identify, run
-from jaxid.files import read_trajectory
-from jaxid.filters import adjoint, filtered
-from jaxid.objective import planned_error
-from jaxid.sensing import Encoder, IdealSensor
-from jaxid.simulate import Plant, simulate
-from jaxid.trajectory import reference
+from experiments.axes import linear_motor as motor
+from jaxid.design.criteria import planned_error
+from jaxid.io.files import read_trajectory
+from jaxid.loop.disturbances import Cogging, Sequence, random_shares
+from jaxid.loop.experiment import identify, run
+from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.simulate import Plant, simulate
+from jaxid.motion.trajectory import reference
+from jaxid.regression.estimate import least_squares_estimate
+from jaxid.regression.filters import adjoint, filtered
+from jaxid.regression.worst_case import least_squares
 
 PERIOD, W = motor.CONTROL_PERIOD, motor.BANDWIDTH
 
@@ -90,8 +90,8 @@ def test_single_precision_is_refused(nominal):
 
 
 def test_a_motion_that_tells_nothing_apart_is_refused():
-    from jaxid.control import OpenLoop
-    from jaxid.trajectory import States
+    from jaxid.loop.controllers import OpenLoop
+    from jaxid.motion.trajectory import States
 
     rest = States(jnp.full(500, 0.2), jnp.zeros(500), jnp.zeros(500))
     still = OpenLoop(jnp.full(500, motor.TRUE_PARAMETERS[3]))

@@ -8,7 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxid.bound import (
+from jaxid.loop.record import Record, Rows
+from jaxid.model.disturbance_bound import ConstantBound
+from jaxid.model.regressors import Constant, Viscous
+from jaxid.model.system import System, Term
+from jaxid.regression.estimate import Estimate, estimate, least_squares_estimate
+from jaxid.regression.estimators import ESTIMATORS, Filtered, LeastSquares, Minimax
+from jaxid.regression.filters import filtered, filtered_rows
+from jaxid.regression.minimax import minimax
+from jaxid.regression.worst_case import (
     Norm,
     affine_worst_case_error,
     bias,
@@ -16,14 +24,6 @@ from jaxid.bound import (
     worst_case_disturbance,
     worst_case_error,
 )
-from jaxid.disturbance_bounds import ConstantBound
-from jaxid.estimate import Estimate, estimate, least_squares_estimate
-from jaxid.estimators import ESTIMATORS, Filtered, LeastSquares, Minimax
-from jaxid.filters import filtered, filtered_rows
-from jaxid.minimax import minimax
-from jaxid.record import Record, Rows
-from jaxid.regressors import Constant, Viscous
-from jaxid.system import System, Term
 
 seeds = st.integers(0, 10_000)
 PERIOD = 2e-4

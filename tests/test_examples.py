@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments import cart, pendulum
-from experiments.examples import Example, logged
-from jaxid.disturbance import Moment
-from jaxid.feasible_set import explaining_factor
-from jaxid.files import read_table, read_trajectory
-from jaxid.guarantee import identify_log
-from jaxid.limits import worst_excess
+from experiments._support.examples import Example, logged
+from experiments.axes import cart, pendulum
+from jaxid.identification.feasible_parameter_set import explaining_factor
+from jaxid.identification.intervals import identify_log
+from jaxid.io.files import read_table, read_trajectory
+from jaxid.loop.disturbances import Moment
+from jaxid.motion.limits import worst_excess
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 

@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxid import linear_motor as motor
-from jaxid import one_link_arm as arm
-from jaxid.admissible import walk
-from jaxid.feasible import (
+from experiments.axes import linear_motor as motor
+from experiments.axes import one_link_arm as arm
+from jaxid.io.files import read_table
+from jaxid.motion.limits import Boundary, Limits, through, worst_excess
+from jaxid.motion.motion_space import (
     InfeasibleError,
     interior,
     motion_space,
     responses,
     shortest_feasible,
 )
-from jaxid.files import read_table
-from jaxid.limits import Boundary, Limits, through, worst_excess
-from jaxid.problem import Problem
-from jaxid.trajectory import uniform
+from jaxid.motion.trajectory import uniform
+from jaxid.search.problem import Problem
+from jaxid.search.restoration import walk
 
 T = motor.KNOT_PERIOD
 

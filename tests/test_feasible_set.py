@@ -9,13 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import OptimizeResult, linprog
 
-from jaxid import linear_motor as motor
-from jaxid.brackets import brackets
-from jaxid.disturbance import NoDisturbance
-from jaxid.estimate import estimate
-from jaxid.estimators import ESTIMATORS
-from jaxid.experiment import log_of, run
-from jaxid.feasible_set import (
+from experiments.axes import linear_motor as motor
+from jaxid.identification.feasible_parameter_set import (
     MOST,
     blind,
     feasible_set,
@@ -24,12 +19,17 @@ from jaxid.feasible_set import (
     smallest_factor,
     unlogged,
 )
-from jaxid.guarantee import identify_log
-from jaxid.log import ContradictionError
-from jaxid.log_rows import guaranteed, hats
-from jaxid.record import Record, Rows
-from jaxid.sensing import Encoder
-from jaxid.simulate import Plant
+from jaxid.identification.intervals import identify_log
+from jaxid.identification.regression_rows import guaranteed, hats
+from jaxid.identification.state_bounds import brackets
+from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.log import ContradictionError
+from jaxid.loop.record import Record, Rows
+from jaxid.loop.sensors import Encoder
+from jaxid.loop.simulate import Plant
+from jaxid.regression.estimate import estimate
+from jaxid.regression.estimators import ESTIMATORS
 
 H, Q = motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION
 SYSTEM = motor.system()
@@ -202,7 +202,7 @@ def test_an_input_that_hides_a_force_is_falsified(motion):
 
 def test_a_solver_that_gives_up_leaves_the_box(experiment, monkeypatch):
     """No interval and no contradiction rests on a program that was not solved."""
-    from jaxid import modulating
+    from jaxid.identification import modulating_functions as modulating
 
     log, _ = experiment
     rows = hats(SYSTEM, log, brackets(SYSTEM, log))

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from jaxid.filters import adjoint, low_pass
+from jaxid.regression.filters import adjoint, low_pass
 
 PERIOD = 2e-4
 BANDWIDTHS = [30.0, 1000.0, 5000.0]

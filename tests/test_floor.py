@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxid import linear_motor as motor
-from jaxid import one_link_arm as arm
-from jaxid.bound import Norm
-from jaxid.files import read_trajectory
-from jaxid.floor import floor
-from jaxid.minimax import minimax
-from jaxid.ranges import Range
-from jaxid.record import rows_of
-from jaxid.regressors import Custom, Viscous
+from experiments.axes import linear_motor as motor
+from experiments.axes import one_link_arm as arm
+from jaxid.io.files import read_trajectory
+from jaxid.loop.record import rows_of
+from jaxid.model.interval_arithmetic import Range
+from jaxid.model.regressors import Custom, Viscous
+from jaxid.regression.lower_bound import floor
+from jaxid.regression.minimax import minimax
+from jaxid.regression.worst_case import Norm
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid.disturbance import NoDisturbance
-from jaxid.experiment import run
-from jaxid.files import read_trajectory
-from jaxid.foresight import foreseen
-from jaxid.sensing import IdealSensor
-from jaxid.simulate import Plant
+from experiments.axes import linear_motor as motor
+from jaxid.design.nominal_log import foreseen
+from jaxid.io.files import read_trajectory
+from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.experiment import run
+from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.simulate import Plant
 
 SERVO = motor.servo()
 CONTROLLED = SERVO._replace(controller=motor.controller())

@@ -6,16 +6,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid import motion_design
-from jaxid.admissible import inside
-from jaxid.files import read_trajectory
-from jaxid.foresight import foreseen
-from jaxid.guarantee import identify_log, narrowed
-from jaxid.guaranteed_error import GuaranteedError, expected_error
-from jaxid.limits import worst_excess
-from jaxid.polish import polish
-from jaxid.problem import Problem, Task
+from experiments.axes import linear_motor as motor
+from jaxid.design import optimal_motion as motion_design
+from jaxid.design.guaranteed_criterion import GuaranteedError, expected_error
+from jaxid.design.nominal_log import foreseen
+from jaxid.identification.intervals import identify_log, narrowed
+from jaxid.io.files import read_trajectory
+from jaxid.motion.limits import worst_excess
+from jaxid.search.problem import Problem, Task
+from jaxid.search.restoration import inside
+from jaxid.search.slp import polish
 
 FOLLOWING = motor.servo()
 CONTROLLED = FOLLOWING._replace(controller=motor.controller())

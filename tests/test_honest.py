@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from experiments.linear_motor import honest, simulated_logs
-from experiments.linear_motor.honest import BARE, PROMISED, USUAL, Honest
-from jaxid.files import read_table
+from experiments._support import simulated_logs
+from experiments.beyond import honest
+from experiments.beyond.honest import BARE, PROMISED, USUAL, Honest
+from jaxid.io.files import read_table
 
 QUICK = Honest(knots=75)
 FLOOR = np.array([0.003375, 0.158423, 0.166902, 0.15])

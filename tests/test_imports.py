@@ -1,82 +1,92 @@
-"""The architecture, as a table: each room imports only from rooms before it."""
+"""The architecture: a folder imports only from folders above it, and files form no circle."""
 
 import ast
+import graphlib
+import subprocess
+import sys
 from pathlib import Path
 
 import jaxid
 
 PACKAGE = Path(jaxid.__file__).parent
+FOLDERS = (
+    "model", "motion", "search", "loop", "regression",
+    "identification", "design", "io", "sweep", "axis",
+)  # fmt: skip
 
 
-def rooms_of_the_docstring() -> list[tuple[str, set[str]]]:
-    """Lines `name: imports` of the package docstring, in order."""
-    rooms = []
-    for line in (jaxid.__doc__ or "").splitlines():
-        name, separator, imports = line.strip().partition(" <- ")
-        if separator:
-            rooms.append((name, set(imports.split(", ")) - {"-"}))
-    return rooms
-
-
-def imports_of(path: Path) -> set[str]:
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            parts = node.module.split(".")
-            if parts[0] == "jaxid":
-                found |= {parts[1]} if len(parts) > 1 else {alias.name for alias in node.names}
+def modules() -> dict[str, Path]:
+    """Every module below the package, by its dotted name."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return found
 
 
-def test_every_module_imports_exactly_what_the_table_says():
-    table = dict(rooms_of_the_docstring())
-    assert len(table) == len(rooms_of_the_docstring()), "a room is listed twice"
-    modules = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"}
-    assert set(table) == modules
-    for name, imports in table.items():
-        assert imports_of(PACKAGE / f"{name}.py") == imports, name
+def imports_of(path: Path, known: set[str]) -> set[str]:
+    """The modules of the package that a file imports."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            assert node.level == 0, f"{path} has a relative import"
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= (inner & known) or {node.module}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found & known
 
 
-def test_the_table_flows_one_way():
-    seen: set[str] = set()
-    for name, imports in rooms_of_the_docstring():
-        assert imports <= seen, f"{name} imports {imports - seen}, which stand below it"
-        seen.add(name)
+def floor_of(module: str) -> int:
+    """How far down the list a module stands: single files of the package are above all folders."""
+    parts = module.split(".")
+    return FOLDERS.index(parts[1]) if len(parts) > 1 and parts[1] in FOLDERS else -1
 
 
-def test_only_the_report_draws():
-    for path in PACKAGE.glob("*.py"):
-        if path.stem != "report":
-            assert "matplotlib" not in path.read_text()
+def test_the_folders_are_those_of_the_list():
+    there = {path.name for path in PACKAGE.iterdir() if path.is_dir()} - {"__pycache__"}
+    assert there == set(FOLDERS)
+    listed = [line.split()[0] for line in (jaxid.__doc__ or "").splitlines() if line[:4] == " " * 4]
+    assert tuple(listed) == FOLDERS
 
 
-def test_importing_the_library_computes_and_changes_nothing():
-    import subprocess
-    import sys
-
-    program = (
-        "import jax\n"
-        f"import {', '.join(f'jaxid.{path.stem}' for path in sorted(PACKAGE.glob('[a-z]*.py')))}\n"
-        "assert not jax.config.jax_enable_x64\n"
-        "assert not jax._src.xla_bridge.backends_are_initialized()\n"
-    )
-    subprocess.run([sys.executable, "-c", program], check=True)
+def test_files_form_no_circle():
+    known = modules()
+    graph = {module: imports_of(path, set(known)) for module, path in known.items()}
+    tuple(graphlib.TopologicalSorter(graph).static_order())  # raises CycleError
 
 
-def test_importing_a_program_computes_nothing():
-    """What runs before `configure` is in float32, and keeps loops from being folded."""
-    import subprocess
-    import sys
+def test_no_public_name_hides_a_module():
+    for name in jaxid.__all__:
+        assert f"jaxid.{name}" not in modules()
 
-    root = PACKAGE.parent
-    names = [
-        ".".join(path.relative_to(root).with_suffix("").parts)
-        for path in sorted((root / "experiments").rglob("*.py"))
-        if "casadi" not in path.read_text() and path.stem not in ("__init__", "__main__")
-    ]
+
+def test_only_the_plots_draw():
+    for module, path in modules().items():
+        assert module == "jaxid.io.plots" or "matplotlib" not in path.read_text(), module
+
+
+def quiet(names: list[str]) -> None:
+    """Importing these modules computes and switches nothing."""
     program = (
         f"import jax, {', '.join(names)}\n"
         "assert not jax.config.jax_enable_x64\n"
         "assert not jax._src.xla_bridge.backends_are_initialized()\n"
     )
-    subprocess.run([sys.executable, "-c", program], check=True, cwd=root)
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=PACKAGE.parent)
+
+
+def test_importing_the_library_computes_and_changes_nothing():
+    quiet(list(modules()))
+
+
+def test_importing_a_program_computes_nothing():
+    """What runs before `configure` is in float32, and keeps loops from being folded."""
+    root = PACKAGE.parent
+    quiet(
+        [
+            ".".join(path.relative_to(root).with_suffix("").parts)
+            for path in sorted((root / "experiments").rglob("*.py"))
+            if "casadi" not in path.read_text() and path.stem not in ("__init__", "__main__")
+        ]
+    )

@@ -5,12 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid.brackets import brackets
-from jaxid.guarantee import assumptions, identify_log
-from jaxid.log import Log
-from jaxid.loop import random_parameters
-from jaxid.setpoints import sampled
+from experiments.axes import linear_motor as motor
+from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.state_bounds import brackets
+from jaxid.io.setpoints import sampled
+from jaxid.loop.closed_loop import random_parameters
+from jaxid.loop.log import Log
 
 H, Q = 0.001, motor.ENCODER_RESOLUTION
 PLANTS, STEPS = 12, 20

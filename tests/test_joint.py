@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from conftest import uniform_in_box
 
-from jaxid import linear_motor as motor
-from jaxid.brackets import brackets
-from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares
-from jaxid.experiment import log_of, run
-from jaxid.feasible_set import feasible_set, unlogged
-from jaxid.files import read_trajectory
-from jaxid.guarantee import assumptions, identify_log, identify_logs
-from jaxid.joint import joined
-from jaxid.log import Log, filled
-from jaxid.log_rows import boxes, guaranteed, hats
-from jaxid.modulating import Program, pieces
-from jaxid.sensing import Encoder
-from jaxid.simulate import Plant
+from experiments.axes import linear_motor as motor
+from jaxid.identification.feasible_parameter_set import feasible_set, unlogged
+from jaxid.identification.intervals import assumptions, identify_log, identify_logs
+from jaxid.identification.joint import joined
+from jaxid.identification.modulating_functions import Program, pieces
+from jaxid.identification.regression_rows import boxes, guaranteed, hats
+from jaxid.identification.state_bounds import brackets
+from jaxid.io.files import read_trajectory
+from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.log import Log, filled
+from jaxid.loop.sensors import Encoder
+from jaxid.loop.simulate import Plant
 
 SYSTEM = motor.system()
 SERVOS = ((0.5e-6, 0.0002), (5e-6, 0.0004))  # two logs need not come from the same

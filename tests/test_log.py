@@ -7,25 +7,25 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxid import linear_motor as motor
-from jaxid import one_link_arm as arm
-from jaxid.brackets import brackets
-from jaxid.control import PDFeedforward
-from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares
-from jaxid.disturbance_bounds import ConstantBound
-from jaxid.estimators import Filtered, LeastSquares
-from jaxid.experiment import log_of
-from jaxid.feasible import motion_space
-from jaxid.feasible_set import louder
-from jaxid.guarantee import assumptions, identify_log
-from jaxid.log import Log, filled
-from jaxid.log_rows import boxes, guaranteed, hats
-from jaxid.loop import random_parameters, vertices
-from jaxid.modulating import modulating
-from jaxid.regressors import Constant, Viscous
-from jaxid.sensing import Encoder, IdealSensor
-from jaxid.simulate import Plant, simulate
-from jaxid.trajectory import reference, uniform
+from experiments.axes import linear_motor as motor
+from experiments.axes import one_link_arm as arm
+from jaxid.identification.feasible_parameter_set import louder
+from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.modulating_functions import modulating
+from jaxid.identification.regression_rows import boxes, guaranteed, hats
+from jaxid.identification.state_bounds import brackets
+from jaxid.loop.closed_loop import random_parameters, vertices
+from jaxid.loop.controllers import PDFeedforward
+from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
+from jaxid.loop.experiment import log_of
+from jaxid.loop.log import Log, filled
+from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.simulate import Plant, simulate
+from jaxid.model.disturbance_bound import ConstantBound
+from jaxid.model.regressors import Constant, Viscous
+from jaxid.motion.motion_space import motion_space
+from jaxid.motion.trajectory import reference, uniform
+from jaxid.regression.estimators import Filtered, LeastSquares
 
 SUBSTEPS = 10
 H, Q = motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION

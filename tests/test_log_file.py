@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from jaxid.log_file import Columns, read_log
+from jaxid.io.log_file import Columns, read_log
 
 RANDOM = np.random.default_rng(0)
 TIME = 0.001 * np.arange(40)

@@ -9,11 +9,11 @@ import sys
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid.axis_file import example
-from jaxid.experiment import log_of, run
-from jaxid.files import read_trajectory
-from jaxid.sensing import Encoder
+from experiments.axes import linear_motor as motor
+from jaxid.axis.file import example
+from jaxid.io.files import read_trajectory
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.sensors import Encoder
 
 SIZE = int(float(os.environ.get("JAXID_LONG_LOG", "0")) * 1e6)  # bytes
 
@@ -24,7 +24,7 @@ def test_a_long_log_is_read_in_little_memory(figures, tmp_path, capfd):
     rows = written(figures, tmp_path / "log.csv")
     (tmp_path / "axis.toml").write_text(example("linear"))
     words = ["identify", "axis.toml", "log.csv", "--out", "out"]
-    program = "import sys; from jaxid.cli import main; main(sys.argv[1:])"
+    program = "import sys; from jaxid.axis.cli import main; main(sys.argv[1:])"
     with capfd.disabled():  # its progress is shown
         subprocess.run([sys.executable, "-c", program, *words], cwd=tmp_path, check=True)
         most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024

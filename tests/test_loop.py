@@ -6,18 +6,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid.bound import Norm
-from jaxid.disturbance import AgainstTracking, NoDisturbance
-from jaxid.experiment import identify
-from jaxid.feasible import interior, motion_space
-from jaxid.limits import axis_excess
-from jaxid.loop import Loop, Sampled, Scenarios, every, random_parameters, vertices
-from jaxid.objective import FilteredError, PerfectTracking, ThroughLoop, planned_error
-from jaxid.problem import Problem
-from jaxid.sensing import IdealSensor
-from jaxid.simulate import Plant
-from jaxid.trajectory import uniform
+from experiments.axes import linear_motor as motor
+from jaxid.design.criteria import FilteredError, PerfectTracking, ThroughLoop, planned_error
+from jaxid.loop.closed_loop import Loop, Sampled, Scenarios, every, random_parameters, vertices
+from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
+from jaxid.loop.experiment import identify
+from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.simulate import Plant
+from jaxid.motion.limits import axis_excess
+from jaxid.motion.motion_space import interior, motion_space
+from jaxid.motion.trajectory import uniform
+from jaxid.regression.worst_case import Norm
+from jaxid.search.problem import Problem
 
 H, T, TICKS = motor.CONTROL_PERIOD, motor.KNOT_PERIOD, 3000
 SPEED, BLEND = 2.0, 0.005

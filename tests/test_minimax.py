@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from jaxid import linear_motor as motor
-from jaxid.bound import Norm
-from jaxid.files import read_trajectory
-from jaxid.minimax import minimax
-from jaxid.record import Rows, rows_of
+from experiments.axes import linear_motor as motor
+from jaxid.io.files import read_trajectory
+from jaxid.loop.record import Rows, rows_of
+from jaxid.regression.minimax import minimax
+from jaxid.regression.worst_case import Norm
 
 seeds = st.integers(0, 10_000)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxid import cli
+from jaxid.axis import cli
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()

@@ -10,9 +10,9 @@ import jax
 import numpy as np
 import pytest
 
-from experiments.linear_motor.tables import gains
-from experiments.processes import make_room
-from jaxid.files import read_table
+from experiments._support.processes import make_room
+from experiments.paper.tables import gains
+from jaxid.io.files import read_table
 
 ROOT = Path(__file__).parent.parent
 
@@ -33,8 +33,8 @@ def test_the_motor_programs_run_and_redrawing_changes_no_byte(tmp_path):
     """All in one process, so that only the first search is compiled."""
     program = f"""
 from pathlib import Path
-from experiments.linear_motor import crosscheck
-from experiments.linear_motor.__main__ import Study, configure, main
+from experiments.beyond import crosscheck
+from experiments.paper.__main__ import Study, configure, main
 configure()
 out = Path({str(tmp_path)!r})
 main(Study(toy=True, processes=1, out=out))
@@ -89,7 +89,7 @@ def test_the_programs_that_keep_the_limits_of_the_axis(tmp_path):
     """
     program = f"""
 from pathlib import Path
-from experiments.linear_motor import endtoend, robust
+from experiments.beyond import endtoend, robust
 from jaxid.runtime import configure
 configure()
 out = Path({str(tmp_path)!r})
@@ -167,7 +167,7 @@ def test_a_design_without_a_number_or_beyond_its_limits_is_no_stage(column, valu
 def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):
     """Which chain goes on with which cell; the motions here are proved not to exist."""
     program = """
-from experiments.linear_motor.designs import TOY, Cell, search
+from experiments.paper.designs import TOY, Cell, search
 from jaxid.runtime import configure
 if __name__ == "__main__":
     configure()
@@ -199,13 +199,13 @@ def test_room_for_compilations_is_made_when_it_runs_out_and_not_before():
 
 
 def test_every_program_explains_its_options():
-    assert "--redraw" in run(["-m", "experiments.linear_motor", "--help"], ROOT)
-    assert "--toy" in run(["-m", "experiments.linear_motor.crosscheck", "--help"], ROOT)
-    assert "--process-id" in run(["-m", "experiments.linear_motor.sweep", "--help"], ROOT)
+    assert "--redraw" in run(["-m", "experiments.paper", "--help"], ROOT)
+    assert "--toy" in run(["-m", "experiments.beyond.crosscheck", "--help"], ROOT)
+    assert "--process-id" in run(["-m", "experiments.beyond.sweep", "--help"], ROOT)
     assert "--repetitions" in run(["-m", "experiments.bench", "--help"], ROOT)
     assert "--again" in run(["-m", "experiments.bench.design_against_ipopt", "--help"], ROOT)
-    assert "--motions" in run(["-m", "experiments.linear_motor.endtoend", "--help"], ROOT)
-    assert "--attacks" in run(["-m", "experiments.linear_motor.robust", "--help"], ROOT)
+    assert "--motions" in run(["-m", "experiments.beyond.endtoend", "--help"], ROOT)
+    assert "--attacks" in run(["-m", "experiments.beyond.robust", "--help"], ROOT)
 
 
 @pytest.mark.parametrize(

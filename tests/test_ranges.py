@@ -6,11 +6,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxid import linear_motor as motor
-from jaxid import one_link_arm as arm
-from jaxid.disturbance_bounds import SpeedBand
-from jaxid.ranges import Range, around, common, exactly, hull, minus, plus, scaled, size, times
-from jaxid.regressors import Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
+from experiments.axes import linear_motor as motor
+from experiments.axes import one_link_arm as arm
+from jaxid.model.disturbance_bound import SpeedBand
+from jaxid.model.interval_arithmetic import (
+    Range,
+    around,
+    common,
+    exactly,
+    hull,
+    minus,
+    plus,
+    scaled,
+    size,
+    times,
+)
+from jaxid.model.regressors import Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
 
 ends = st.floats(-3.0, 3.0, allow_subnormal=False)
 pairs = st.tuples(ends, ends).map(sorted)

@@ -6,21 +6,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid import one_link_arm as arm
-from jaxid.admissible import inside, stepped_back, walk
-from jaxid.axis_conditions import Frozen, axis_conditions, frozen, perfect
-from jaxid.bound import individual
-from jaxid.disturbance import NoDisturbance
-from jaxid.feasible import inequalities, interior
-from jaxid.limits import Limits, Prediction, acceleration_reach, axis_excess, input_demand
-from jaxid.loop import Loop, Sampled, every, vertices
-from jaxid.objective import FilteredError, PlannedError, ThroughLoop
-from jaxid.polish import polish, repaired
-from jaxid.problem import Problem
-from jaxid.refine import Effort, refine
-from jaxid.sensing import IdealSensor
-from jaxid.trajectory import States
+from experiments.axes import linear_motor as motor
+from experiments.axes import one_link_arm as arm
+from jaxid.design.criteria import FilteredError, PlannedError, ThroughLoop
+from jaxid.loop.closed_loop import Loop, Sampled, every, vertices
+from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.sensors import IdealSensor
+from jaxid.motion.limits import Limits, Prediction, acceleration_reach, axis_excess, input_demand
+from jaxid.motion.motion_space import inequalities, interior
+from jaxid.motion.trajectory import States
+from jaxid.regression.worst_case import individual
+from jaxid.search.frozen_loop import Frozen, axis_conditions, frozen, perfect
+from jaxid.search.local import Effort, refine
+from jaxid.search.problem import Problem
+from jaxid.search.restoration import inside, stepped_back, walk
+from jaxid.search.slp import polish, repaired
 
 H, T, TICKS = motor.CONTROL_PERIOD, motor.KNOT_PERIOD, 3000
 BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from jaxid import linear_motor as motor
-from jaxid.files import read_trajectory
-from jaxid.setpoints import margins, read_setpoints, sampled, write_setpoints
+from experiments.axes import linear_motor as motor
+from jaxid.io.files import read_trajectory
+from jaxid.io.setpoints import margins, read_setpoints, sampled, write_setpoints
 
 H = 0.0002
 

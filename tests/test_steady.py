@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxid.log_file import Recorded
-from jaxid.steady import rows_used, steady
+from jaxid.io.log_file import Recorded
+from jaxid.io.segments import rows_used, steady
 
 H, Q = 0.001, 1e-6
 

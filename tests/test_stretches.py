@@ -5,15 +5,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid import stretches as room
-from jaxid.disturbance_bounds import ConstantBound
-from jaxid.experiment import log_of, run
-from jaxid.feasible_set import MOST
-from jaxid.files import read_trajectory
-from jaxid.log import Log
-from jaxid.sensing import Encoder
-from jaxid.stretches import most_telling, prove, rounded_down, stretches
+from experiments.axes import linear_motor as motor
+from jaxid.identification import batches as room
+from jaxid.identification.batches import most_telling, prove, rounded_down, stretches
+from jaxid.identification.feasible_parameter_set import MOST
+from jaxid.io.files import read_trajectory
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.log import Log
+from jaxid.loop.sensors import Encoder
+from jaxid.model.disturbance_bound import ConstantBound
 
 TRUTH = np.array(motor.TRUE_PARAMETERS)
 PERIOD = motor.CONTROL_PERIOD

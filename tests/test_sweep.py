@@ -10,15 +10,15 @@ import pytest
 import xarray as xr
 from processes import finish, free_port, start
 
-from jaxid import linear_motor as motor
-from jaxid.dataset import Labels, labelled
-from jaxid.disturbance import AgainstTracking
-from jaxid.experiment import identify, run
-from jaxid.files import read_dataset, read_trajectory, write_dataset
+from experiments.axes import linear_motor as motor
+from jaxid.io.files import read_dataset, read_trajectory, write_dataset
+from jaxid.loop.disturbances import AgainstTracking
+from jaxid.loop.experiment import identify, run
+from jaxid.loop.sensors import Encoder
+from jaxid.loop.simulate import Plant
 from jaxid.runtime import connect
-from jaxid.sensing import Encoder
-from jaxid.simulate import Plant
-from jaxid.sweep import Swept, Truth, grid, item
+from jaxid.sweep.dataset import Labels, labelled
+from jaxid.sweep.grid import Swept, Truth, grid, item
 
 LIGHT = (0.08, 0.0, 0.0, -0.5)
 BANDWIDTHS = (100.0, 1000.0)
@@ -35,7 +35,7 @@ def test_two_tasks_of_slurm_compute_the_same_bits_as_one_process(tmp_path):
     def sweep(name: str, variables: dict[str, object]) -> subprocess.Popen[str]:
         options = ("--toy", "--devices", 1, "--out", tmp_path / name)
         variables |= {"JAX_DISABLE_MOST_OPTIMIZATIONS": 1}
-        return start("-m", "experiments.linear_motor.sweep", *options, **variables)
+        return start("-m", "experiments.beyond.sweep", *options, **variables)
 
     job = free_port(61_440, 65_536) - 61_440  # jax takes this port for this job
     alone, *tasks = sweep("one", {}), *(sweep("two", slurm(job, task)) for task in range(2))

@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxid import linear_motor as motor
-from jaxid import one_link_arm as arm
-from jaxid.disturbance_bounds import Cautious, ConstantBound, Scaled, SpeedBand
-from jaxid.limits import (
+from experiments.axes import linear_motor as motor
+from experiments.axes import one_link_arm as arm
+from jaxid.design.optimal_motion import design_motion
+from jaxid.model.disturbance_bound import Cautious, ConstantBound, Scaled, SpeedBand
+from jaxid.model.interval_arithmetic import Range
+from jaxid.model.regressors import Constant, Viscous
+from jaxid.model.system import System, Term, softened
+from jaxid.motion.limits import (
     Limits,
     Via,
     acceleration_limit,
     acceleration_limit_euclidean,
 )
-from jaxid.motion_design import design_motion
-from jaxid.problem import Task
-from jaxid.ranges import Range
-from jaxid.regressors import Constant, Viscous
-from jaxid.system import System, Term, softened
+from jaxid.search.problem import Task
 
 TASK = Task(motor.limits(), motor.boundary(), intervals=60, period=0.01)
 BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}

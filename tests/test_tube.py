@@ -6,20 +6,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import linear_motor as motor
-from jaxid import one_link_arm as arm
-from jaxid.control import ARC
-from jaxid.disturbance import AgainstTracking, NoDisturbance, random_shares, square_wave
-from jaxid.disturbance_bounds import ConstantBound
-from jaxid.feasible import interior
-from jaxid.files import read_trajectory
-from jaxid.limits import Limits, acceleration_reach
-from jaxid.loop import Loop, Sampled, every, random_parameters, vertices
-from jaxid.problem import Problem
-from jaxid.ranges import Range
-from jaxid.sensing import Encoder, IdealSensor
-from jaxid.trajectory import uniform
-from jaxid.tube import Tube, _peak, cells
+from experiments.axes import linear_motor as motor
+from experiments.axes import one_link_arm as arm
+from jaxid.io.files import read_trajectory
+from jaxid.loop.closed_loop import Loop, Sampled, every, random_parameters, vertices
+from jaxid.loop.controllers import ARC
+from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares, square_wave
+from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.tube import Tube, _peak, cells
+from jaxid.model.disturbance_bound import ConstantBound
+from jaxid.model.interval_arithmetic import Range
+from jaxid.motion.limits import Limits, acceleration_reach
+from jaxid.motion.motion_space import interior
+from jaxid.motion.trajectory import uniform
+from jaxid.search.problem import Problem
 
 REPEATS = 2
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
+from experiments._support.processes import pin, processors
+from experiments.axes import linear_motor as motor
 from experiments.bench import accuracy, batches, compile_time, loop_against_c
 from experiments.bench.answers import Answer
-from experiments.processes import pin, processors
-from jaxid import linear_motor as motor
-from jaxid.files import Cell, write_table
-from jaxid.report import text_table
+from jaxid.io.files import Cell, write_table
+from jaxid.io.plots import text_table
 from jaxid.runtime import configure
 
 COLUMNS = ("question", "case", "quantity", "least", "median", "target", "met")

@@ -2,17 +2,17 @@
 
 import jax.numpy as jnp
 
+from experiments.axes import linear_motor as motor
 from experiments.bench.answers import AT_MOST, Answer
 from experiments.bench.closed_loop import TICKS
 from experiments.bench.loop_against_c import MOTION
-from jaxid import linear_motor as motor
-from jaxid.bound import least_squares, worst_case_error
-from jaxid.files import read_trajectory
-from jaxid.filters import filtered
-from jaxid.record import Record
-from jaxid.sensing import IdealSensor
-from jaxid.simulate import NODES, Signals, simulate
-from jaxid.trajectory import reference
+from jaxid.io.files import read_trajectory
+from jaxid.loop.record import Record
+from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.simulate import NODES, Signals, simulate
+from jaxid.motion.trajectory import reference
+from jaxid.regression.filters import filtered
+from jaxid.regression.worst_case import least_squares, worst_case_error
 
 QUESTION = "accuracy"
 FINE = 10  # substeps per tick

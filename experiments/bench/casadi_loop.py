@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.bench import closed_loop, compiled
-from jaxid import simulate
+from jaxid.loop import simulate
 
 # ticks per level of `mapaccum`: of 4, 10, 30, 100 and 300 the fastest gradient
 _BASE = 100

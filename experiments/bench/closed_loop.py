@@ -6,15 +6,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid import linear_motor as motor
-from jaxid.bound import individual
-from jaxid.disturbance import NoDisturbance
-from jaxid.disturbance_bounds import SpeedBand
-from jaxid.loop import Loop, Scenarios
-from jaxid.objective import FilteredError, ThroughLoop
-from jaxid.regressors import Coulomb
-from jaxid.sensing import IdealSensor
-from jaxid.trajectory import uniform
+from experiments.axes import linear_motor as motor
+from jaxid.design.criteria import FilteredError, ThroughLoop
+from jaxid.loop.closed_loop import Loop, Scenarios
+from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.sensors import IdealSensor
+from jaxid.model.disturbance_bound import SpeedBand
+from jaxid.model.regressors import Coulomb
+from jaxid.motion.trajectory import uniform
+from jaxid.regression.worst_case import individual
 
 # what a design through the closed loop would use half-way: corners of (29), and jumps in m/s
 SMOOTHING, BLEND = 0.001, 0.002

@@ -12,19 +12,19 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from experiments._support.processes import pin, processors
+from experiments.axes import linear_motor as motor
 from experiments.bench.answers import AT_MOST, Answer
-from experiments.linear_motor.designs import STUDIED
-from experiments.processes import pin, processors
-from jaxid import linear_motor as motor
-from jaxid.bound import individual
-from jaxid.descent import descend
-from jaxid.design import Effort
-from jaxid.feasible import motion_space
-from jaxid.objective import PlannedError
-from jaxid.problem import Problem
-from jaxid.quantities import Scalar
+from experiments.paper.designs import STUDIED
+from jaxid._types import Scalar
+from jaxid.design.criteria import PlannedError
+from jaxid.motion.motion_space import motion_space
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.worst_case import individual
 from jaxid.runtime import configure
-from jaxid.trajectory import JerkTrajectory
+from jaxid.search.augmented_lagrangian import descend
+from jaxid.search.multistart import Effort
+from jaxid.search.problem import Problem
 
 QUESTION = "compile_time"
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.bench import closed_loop
-from jaxid import simulate
+from jaxid.loop import simulate
 
 SOURCE = Path(__file__).with_name("loop.c")
 FLAGS = ("-O3", "-march=native")
@@ -55,7 +55,7 @@ def build(source: Path, library: Path, *flags: str) -> Path:
 
 
 def loop_library(lanes: int = 1, *flags: str) -> ctypes.CDLL:
-    """loop.c for so many loops side by side, with the tableau of `jaxid.simulate`."""
+    """loop.c for so many loops side by side, with the tableau of `jaxid.loop.simulate`."""
     nodes, weights = (",".join(map(repr, x)) for x in (simulate.NODES, simulate.WEIGHTS))
     defined = (f"-DNODES={nodes}", f"-DWEIGHTS={weights}", f"-DSTAGES={len(simulate.NODES)}")
     with tempfile.TemporaryDirectory() as folder:

@@ -21,23 +21,23 @@ import tyro
 from jaxtyping import Float, PRNGKeyArray
 from tqdm import tqdm
 
-from experiments.linear_motor.designs import STUDIED, TOY
-from experiments.processes import each
-from jaxid import linear_motor as motor
-from jaxid.admissible import walk
-from jaxid.bound import individual
-from jaxid.design import Design, Effort
-from jaxid.dwells import evolved
-from jaxid.feasible import InfeasibleError, interior, motion_space
-from jaxid.files import Cell as Value
-from jaxid.files import read_table, write_table
-from jaxid.motion_design import design_motion
-from jaxid.objective import PlannedError, planned_error
-from jaxid.problem import Problem, Task
-from jaxid.report import text_table
+from experiments._support.processes import each
+from experiments.axes import linear_motor as motor
+from experiments.paper.designs import STUDIED, TOY
+from jaxid.design.criteria import PlannedError, planned_error
+from jaxid.design.optimal_motion import design_motion
+from jaxid.io.files import Cell as Value
+from jaxid.io.files import read_table, write_table
+from jaxid.io.plots import text_table
+from jaxid.motion.motion_space import InfeasibleError, interior, motion_space
+from jaxid.motion.trajectory import JerkTrajectory, uniform
+from jaxid.regression.worst_case import individual
 from jaxid.runtime import configure
-from jaxid.starts import random_starts
-from jaxid.trajectory import JerkTrajectory, uniform
+from jaxid.search.arc_structures import evolved
+from jaxid.search.initial_guesses import random_starts
+from jaxid.search.multistart import Design, Effort
+from jaxid.search.problem import Problem, Task
+from jaxid.search.restoration import walk
 
 STARTS = 10  # of IPOPT
 SEARCHES = 4  # of ours: together they take up to three times as long as IPOPT's ten starts

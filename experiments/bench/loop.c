@@ -3,7 +3,7 @@
    The same arithmetic as `closed_loop.loop_error`: knots -> reference -> ARC -> one Runge-Kutta step
    per tick -> means over the tick -> H_f -> log of the smoothed worst-case error (29); and its
    adjoint, for which the way there keeps all that the way back needs. NODES and WEIGHTS are the
-   tableau of jaxid.simulate and STAGES its length. With LANES above one a Real is a vector of that
+   tableau of jaxid.loop.simulate and STAGES its length. With LANES above one a Real is a vector of that
    many loops side by side, each with its own jerk and θ; the adjoint is for one loop. */
 
 #include <math.h>

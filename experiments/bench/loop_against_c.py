@@ -15,13 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from experiments._support.processes import processors
 from experiments.bench import compiled
 from experiments.bench.answers import AT_MOST, Answer, compared, per_step
 from experiments.bench.closed_loop import TICKS, loop_error, nominal
 from experiments.bench.remote import UNFOLDED, Remote
 from experiments.bench.timing import Action, Times, interleaved
-from experiments.processes import processors
-from jaxid.files import read_trajectory
+from jaxid.io.files import read_trajectory
 
 QUESTION = "loop_against_c"
 MOTION = Path(__file__).parents[2] / "figures" / "trajectory_M_N30.csv"

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from typing import Any
 
+from experiments._support.processes import pin
 from experiments.bench.timing import Action, timed
-from experiments.processes import pin
 from jaxid.runtime import configure
 
 # as `configure` writes it, with a size that no loop stays below

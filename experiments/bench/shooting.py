@@ -20,14 +20,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from experiments.axes import linear_motor as motor
 from experiments.bench.compiled import build
-from jaxid import linear_motor as motor
-from jaxid.disturbance_bounds import SpeedBand
-from jaxid.objective import planned_error
-from jaxid.record import rows_of
-from jaxid.regressors import Coulomb
-from jaxid.system import softened
-from jaxid.trajectory import JerkTrajectory, uniform
+from jaxid.design.criteria import planned_error
+from jaxid.loop.record import rows_of
+from jaxid.model.disturbance_bound import SpeedBand
+from jaxid.model.regressors import Coulomb
+from jaxid.model.system import softened
+from jaxid.motion.trajectory import JerkTrajectory, uniform
 
 Vector = Float[np.ndarray, " n"]
 

@@ -1,0 +1,31 @@
+"""What motions are worth, as rows of tables: one per motion and parameter."""
+
+from collections.abc import Mapping
+
+from jaxid.design.evaluation import Appraisal
+from jaxid.io.files import Cell
+
+Row = dict[str, Cell]
+WORTH = ("J_lse", "guaranteed", "floor", "gap")  # columns
+
+
+def rows_of(worth: Mapping[str, Appraisal], label: str, names: tuple[str, ...]) -> list[Row]:
+    """Errors, floor, and gap = guaranteed/floor − 1.
+
+    Args:
+        worth: of each motion, by what it is called.
+        label: the column for that.
+        names: of the parameters.
+    """
+    return [
+        {
+            label: motion,
+            "parameter": name,
+            "J_lse": float(one.error[k]),
+            "guaranteed": float(one.guaranteed[k]),
+            "floor": float(one.floor[k]),
+            "gap": float(one.gap[k]),
+        }
+        for motion, one in worth.items()
+        for k, name in enumerate(names)
+    ]

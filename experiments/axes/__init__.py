@@ -1,0 +1,1 @@
+"""Machine axes: the motor of the paper and others, each in one file."""

@@ -1,0 +1,156 @@
+"""One's own axis and one's own objective in one file: a pendulum on the shaft of a motor.
+
+    J q̈ + B q̇ + F_c S_f(q̇) + G sin(q) + Δ = u,     θ = [J, B, F_c, G]
+
+All numbers are chosen: half a kilogram at the end of 40 cm, which hangs down at q = 0 and may swing
+to 160° on both sides. Three motions: for what a log can prove of all parameters, for the error of J
+by least squares, and for that and little heat in the motor: pendulum.csv and pendulum.png.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jax.tree_util import Partial
+
+import jaxid as jd
+from experiments._support.appraisals import WORTH, rows_of
+from experiments._support.examples import (
+    PROVED,
+    Example,
+    draw_intervals,
+    interval_rows,
+    logged,
+    save_table,
+)
+from jaxid._types import Scalar, dot
+from jaxid.design.criteria import PlannedError
+from jaxid.io import plots as report
+from jaxid.loop.disturbances import LowSpeedFriction
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.runtime import configure
+from jaxid.search.multistart import design
+from jaxid.search.problem import Objective
+
+ALL, ERROR, COOL = "all", "J", "cool"  # the motions
+TRUE_PARAMETERS = (0.094, 0.035, 0.16, 1.92)  # kg m², N m s/rad, N m, N m
+SERVO = jd.Servo(period=0.001, resolution=1e-5)
+RATED = 1.5  # N m: the rms torque that the motor stands for ever
+PRICE = 0.2  # of the heat at that torque, in units of the log of an error
+COLUMNS = ("motion", *PROVED, *WORTH, "heat")
+
+
+def system() -> jd.System:
+    """The pendulum with its box and a disturbance bound of 0.1 N m."""
+    return jd.System(
+        terms=(
+            jd.Term("J", "kg m²", (0.06, 0.14)),
+            jd.Term("B", "N m s/rad", (0.0, 0.1), jd.Viscous()),
+            jd.Term("Fc", "N m", (0.0, 0.4), jd.Coulomb(beta=100.0)),
+            jd.Term("G", "N m", (1.5, 2.5), jd.Sine()),
+        ),
+        disturbance_bound=jd.ConstantBound(0.1),
+        input_unit="N m",
+        coordinate="rotary",
+    )
+
+
+def task() -> jd.Task:
+    """From rest to rest, hanging down, in 2.5 s; the limits are hard."""
+    box = {"position": (-2.8, 2.8), "velocity": (-9.0, 9.0), "input": (-7.0, 7.0)}
+    acceleration = jd.acceleration_limit(system(), **box)
+    limits = jd.Limits(acceleration=acceleration, jerk=(-400.0, 400.0), **box)
+    rest = (0.0, 0.0, 0.0)
+    ends = jd.Boundary(rest, (jd.through(rest, at=1.0),))
+    return jd.Task(limits, ends, intervals=50, period=0.05)
+
+
+def controller() -> jd.PDFeedforward:
+    """Gains by hand, 30 rad/s; it knows the box but not the true parameters."""
+    return jd.PDFeedforward(system(), system().centre, kp=90.0, kd=5.0)
+
+
+def plant() -> jd.Plant:
+    """The simulated truth: 80 mN m of Stribeck friction at low speed."""
+    return jd.Plant(system(), TRUE_PARAMETERS, LowSpeedFriction(amplitude=0.08, speed=0.3))
+
+
+def error_and_heat(
+    error: PlannedError, price: Scalar, motion: JerkTrajectory, smoothing: Scalar
+) -> Scalar:
+    """The log of an error and a price on heat, as planned in the middle of the box."""
+    states, seconds = motion.midpoints(error.nodes)
+    torque = dot(error.system.regressors(*states), error.system.centre)
+    return error(motion, smoothing) + price * heat(torque, seconds)
+
+
+def objective(price: float) -> Objective:
+    """One's own: the worst error of J, at a price. All prices share one compilation."""
+    only = jd.infinity(jnp.array([1.0, jnp.inf, jnp.inf, jnp.inf]))
+    error = PlannedError(system(), only, speed=task().limits.velocity[1])
+    return Partial(error_and_heat, error, jnp.asarray(price))
+
+
+def heat(torque: jax.Array, seconds: jax.Array | None = None) -> Scalar:
+    """Of the windings, as a share of what they stand for ever."""
+    return jnp.average(torque**2, weights=seconds) / RATED**2
+
+
+def main(options: Example) -> None:
+    """Search, appraise, run, save, draw, print."""
+    axis, law, truth = system(), controller(), plant()
+    least = jd.floor(axis, task().limits)
+    key, effort = jax.random.key(options.seed), options.quick_guaranteed
+
+    def for_all() -> JerkTrajectory:
+        return jd.design_guaranteed(axis, task(), least.value, key, SERVO, effort=effort)
+
+    def own(price: float) -> JerkTrajectory:
+        return design(objective(price), task(), key, effort=options.quick).trajectory
+
+    searches = {ALL: for_all, ERROR: lambda: own(0.0), COOL: lambda: own(PRICE)}
+    motions = options.motions("pendulum", searches, axis.coordinate)
+    worth = {name: jd.appraise(axis, motion, SERVO, least) for name, motion in motions.items()}
+    logs = {name: logged(truth, law, SERVO, motion) for name, motion in motions.items()}
+    proved = {name: jd.identify_log(axis, log).estimate for name, log in logs.items()}
+    heats = {name: float(heat(log.input)) for name, log in logs.items()}
+    found = [
+        row | {"heat": heats[name]}
+        for name, one in proved.items()
+        for row in interval_rows(axis, TRUE_PARAMETERS, one)
+    ]
+    rows = [a | b for a, b in zip(rows_of(worth, "motion", axis.names), found, strict=True)]
+    save_table(options.named("pendulum.csv"), COLUMNS, rows)
+    rise = float(worth[COOL].error[0] / worth[ERROR].error[0]) - 1
+    print(
+        f"With a price on heat the error of J by least squares is {rise:.1%} higher, and the heat "
+        f"{heats[COOL]:.2f} instead of {heats[ERROR]:.2f} times what the motor stands for ever.\n"
+    )
+    print("These intervals rest on:", *jd.assumptions(axis, logs[ALL]), sep="\n  ")
+    draw(options.named("pendulum.png"), logs, proved)
+
+
+def draw(path: Path, logs: Mapping[str, jd.Log], proved: Mapping[str, jd.Estimate]) -> None:
+    """The motions, the torque with and without a price, and what each log proves."""
+    canvas, (left, middle, right) = report.figure(1, 3, (14.0, 4.8))
+    limits, labels = task().limits, {ALL: "for all", ERROR: "for J", COOL: "for J and heat"}
+    for (name, log), colour in zip(logs.items(), report.CYCLE, strict=False):
+        time = np.arange(log.position.size) * SERVO.period
+        left.plot(time, log.position, color=colour, linewidth=1.8)
+        if name != ALL:
+            middle.plot(time[:-1], log.input, color=colour, linewidth=1.2)
+    report.limit_lines(left, limits.position.tolist())
+    report.limit_lines(middle, limits.input.tolist())
+    report.label(left, "time (s)", "position (rad)", "three motions, as logged")
+    report.label(middle, "time (s)", "torque (N m)", "with and without a price on heat")
+    bars = {labels[name]: found for name, found in proved.items()}
+    draw_intervals(canvas, right, axis=system(), found=bars, truth=TRUE_PARAMETERS)
+    report.save(canvas, path)
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Example, description=__doc__))

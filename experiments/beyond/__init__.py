@@ -1,0 +1,1 @@
+"""Studies beyond the paper, one in each file: `python -m experiments.beyond.<name>`."""

@@ -1,0 +1,109 @@
+"""The second axis: motions for each parameter and for all, how good they are, what one run proves.
+
+Rotary, with gravity, and with limits that are not symmetric: arm.csv, arm_proved.csv and arm.png.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from experiments._support.appraisals import WORTH, rows_of
+from experiments._support.examples import PROVED, Example, interval_rows, logged, save_table
+from experiments._support.processes import each
+from experiments.axes import one_link_arm as arm
+from experiments.paper.designs import TOY, with_starts
+from jaxid.design.evaluation import Appraisal, appraise
+from jaxid.design.optimal_motion import design_guaranteed, design_motion
+from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.io import plots as report
+from jaxid.io.files import read_trajectory, write_trajectory
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.lower_bound import floor
+from jaxid.runtime import configure
+from jaxid.search.multistart import Effort
+from jaxid.search.problem import Task
+
+ALL = "all"  # the largest guaranteed error over the floor
+INTERVALS = 50  # of 20 ms: one second
+COLUMNS = ("design", "parameter", *WORTH)
+
+
+@dataclass(frozen=True)
+class Study(Example):
+    """Six designs for the arm.
+
+    Attributes:
+        processes: how many run side by side; the results do not depend on it.
+    """
+
+    processes: int = 2
+
+    def path(self, design: str) -> Path:
+        """Of a motion."""
+        return self.named(f"arm_{design}.csv")
+
+
+def main(study: Study) -> None:
+    """Search, appraise, run, save, draw, print."""
+    system, designs = arm.system(), (*arm.system().names, ALL)
+    if not study.redraw:
+        found = each(partial(searched, study), designs[::-1], study.processes)
+        for design, motion in tqdm(found, "designs", len(designs)):
+            write_trajectory(study.path(design), motion, system.coordinate)
+    motions = {design: read_trajectory(study.path(design), system.coordinate) for design in designs}
+    least = floor(system, arm.limits())
+    worth = {name: appraise(system, motion, arm.servo(), least) for name, motion in motions.items()}
+    save_table(study.named("arm.csv"), COLUMNS, rows_of(worth, "design", system.names))
+    log = logged(arm.plant(), arm.controller(), arm.servo(), motions[ALL])
+    proved = identify_log(system, log).estimate
+    rows = interval_rows(system, arm.TRUE_PARAMETERS, proved)
+    save_table(study.named("arm_proved.csv"), PROVED, rows)
+    print("These intervals rest on:", *assumptions(system, log), sep="\n  ")
+    draw(study.named("arm.png"), motions[ALL], worth)
+
+
+def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
+    """One of the designs."""
+    system = arm.system()
+    task = Task(arm.limits(), arm.boundary(), INTERVALS, arm.KNOT_PERIOD)
+    key = jax.random.fold_in(jax.random.key(study.seed), (*system.names, ALL).index(design))
+    effort = TOY if study.toy else Effort()
+    if design != ALL:
+        return design, design_motion(system, task, design, key, effort=effort).trajectory
+    targets = floor(system, task.limits).value
+    servo, tries = arm.servo(), with_starts(effort)
+    return design, design_guaranteed(system, task, targets, key, servo, effort=tries)
+
+
+def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Appraisal]) -> None:
+    """The motion for all parameters, and gaps by design and parameter."""
+    canvas, panels = report.figure(1, 3, (12.0, 4.2))
+    time = np.linspace(0.0, float(motion.duration), 1000)
+    states, limits = motion.states(jnp.asarray(time)), arm.limits()
+    for panel, values, limit, name in zip(
+        panels,
+        states,
+        (limits.position, limits.velocity),
+        ("position (rad)", "velocity (rad/s)"),
+        strict=False,
+    ):
+        report.series(panel, time, np.asarray(values), name, title="motion for all parameters")
+        report.limit_lines(panel, np.asarray(limit).tolist())
+    gaps = 100 * np.array([np.asarray(one.gap) for one in worth.values()])
+    names = arm.system().names
+    report.heat_map(panels[2], gaps, list(worth), names, "{:.1f}", logarithmic=True)
+    title = "guaranteed error, % above the floor"
+    report.label(panels[2], "parameter", "designed for", title)
+    report.save(canvas, path)
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Study))

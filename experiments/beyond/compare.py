@@ -1,0 +1,225 @@
+"""What an engineer would have run instead: excitations of textbooks beside ours, table5.csv.
+
+All under the same limits, boundary conditions, duration, encoder and servo. Families of excitations
+are optimised for the criterion of our one motion, the largest guaranteed error relative to what is
+allowed, from as many starts and by as many evaluations. Motions by a classical criterion, or for
+least squares, are found for that by our own search; of the four that it finds, the one is shown
+that is best by our criterion, with which designs also count on a velocity that is a little off.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jaxtyping import Array, Float, PRNGKeyArray
+from tqdm import tqdm
+
+from experiments._support import excitations
+from experiments._support.appraisals import rows_of
+from experiments._support.classical import Information
+from experiments._support.excitations import Excitation
+from experiments._support.family_search import Budget, best_members, polished_member
+from experiments._support.processes import each
+from experiments._support.toys import Toys
+from experiments.axes import linear_motor as motor
+from experiments.paper.designs import (
+    ALLOWED,
+    HORIZON,
+    ONE_MOTION,
+    STUDIED,
+    TOY,
+    Cell,
+    trajectory_path,
+    with_starts,
+)
+from experiments.paper.figures import SYMBOLS
+from experiments.paper.tables import Table
+from jaxid.design.criteria import PlannedError
+from jaxid.design.evaluation import Appraisal, appraise
+from jaxid.design.guaranteed_criterion import expected_error
+from jaxid.design.optimal_motion import GuaranteedEffort, design_motion
+from jaxid.io import plots as report
+from jaxid.io.files import read_trajectory, write_table, write_trajectory
+from jaxid.motion.motion_space import motion_space
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.lower_bound import floor
+from jaxid.regression.worst_case import infinity
+from jaxid.runtime import configure
+from jaxid.search.arc_structures import MEMBERS, Dwells, jerk_of
+from jaxid.search.multistart import Effort, design
+from jaxid.search.problem import Problem, Task
+from jaxid.search.restoration import inside, walk
+
+FAMILIES: Mapping[str, type[Excitation]] = {
+    "chirp": excitations.Chirp,
+    "multisine": excitations.Multisine,
+    "fourier": excitations.Fourier,
+    "prbs": excitations.PRBS,
+    "bang_bang": excitations.BangBang,
+}
+CRITERIA = {"d_optimal": "D", "a_optimal": "A", "e_optimal": "E"}
+LEAST_SQUARES, OURS = "lse", "minimax"
+EXCITATIONS = (*FAMILIES, *CRITERIA, LEAST_SQUARES, OURS)
+COLUMNS = ("excitation", "parameter", "J_lse", "guaranteed", "gap")
+
+
+@dataclass(frozen=True)
+class Compare(Toys):
+    """Ten excitations of the motor for 0.6 s, each optimised.
+
+    Attributes:
+        out: the folder of table5.csv, table5.png and a compare_<excitation>.csv for each motion.
+        motions: the folder with the one motion of the study.
+        seed: of all starts.
+        processes: how many are searched side by side; the results do not depend on it.
+        redraw: use the motions in `out` instead of searching.
+        toy: search hardly at all: only shows that everything runs.
+    """
+
+    out: Path = Path("figures")
+    motions: Path = Path("figures")
+    seed: int = 0
+    processes: int = 2
+    redraw: bool = False
+    toy: bool = False
+
+    def path(self, excitation: str) -> Path:
+        """Of a motion; ours is that of the study."""
+        if excitation == OURS:
+            return trajectory_path(self.motions, Cell(ONE_MOTION, HORIZON))
+        return self.named(f"compare_{excitation}.csv")
+
+
+def main(options: Compare) -> None:
+    """Search, appraise, save, draw, print."""
+    others = [name for name in EXCITATIONS if name != OURS]
+    if not options.redraw:
+        found = each(partial(searched, options), others, options.processes)
+        for name, motion in tqdm(found, "excitations", len(others)):
+            write_trajectory(options.path(name), motion)
+    least = floor(motor.system(), motor.limits())
+    worth = {
+        name: appraise(motor.system(), read_trajectory(options.path(name)), motor.servo(), least)
+        for name in EXCITATIONS
+    }
+    table = Table(COLUMNS, rows_of(worth, "excitation", motor.system().names))
+    write_table(options.named("table5.csv"), table.header, table.rows)
+    draw(options.named("table5.png"), worth)
+    print(table.text("Table 5: what each excitation guarantees, and how far above the floor"))
+    print("Largest of the guaranteed errors over what is allowed of our one motion:")
+    for name, one in worth.items():
+        print(
+            f"  {name:12} {float(jnp.max(one.guaranteed / one.floor / jnp.asarray(ALLOWED))):.4f}"
+        )
+
+
+def searched(options: Compare, name: str) -> tuple[str, JerkTrajectory]:
+    """The best motion of one kind: of all that were found, the one that guarantees most."""
+    limits = motor.limits()
+    task = Task(limits, motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
+    targets = jnp.asarray(ALLOWED) * floor(motor.system(), limits).value
+    effort = with_starts(TOY if options.toy else Effort())
+    key = jax.random.fold_in(jax.random.key(options.seed), EXCITATIONS.index(name))
+    find = members if name in FAMILIES else optimal
+    found = [
+        (_reached(task, targets, motion), k, motion)
+        for k, key in enumerate(jax.random.split(key, effort.starts))
+        for motion in find(name, task, targets, key, effort)
+    ]
+    return name, min(found)[-1]
+
+
+def optimal(
+    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, tries: GuaranteedEffort
+) -> list[JerkTrajectory]:
+    """By one of the criteria of a motion alone, sought as a design is."""
+    system, effort = motor.system(), tries.search
+    if name == LEAST_SQUARES:
+        found = design_motion(system, task, infinity(targets), key, effort=effort)
+    else:
+        criterion, speed = CRITERIA[name], _fastest(task)
+        coarse, fine = (Information(system, criterion, speed, nodes) for nodes in (5, 64))
+        found = design(coarse, task, key, fine=fine, effort=effort)
+    return [found.trajectory]
+
+
+def members(
+    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, tries: GuaranteedEffort
+) -> list[JerkTrajectory]:
+    """Of a family: as our one motion is found, by a search for least squares and two polishes.
+
+    Each of the best few is polished to its end, where for ours only the best of all is.
+    """
+    system, family, effort = motor.system(), family_of(name, task), tries.search
+    problem = task.problem(PlannedError(system, infinity(targets), _fastest(task), 5))
+    deep, found = inside(problem, task.intervals, task.period), []
+    best = best_members(problem, deep, family, key, budget(effort), effort.polished)
+    for z in best:
+        motion = walk(problem, deep, family.trajectory(z))
+        for smoothings in (tries.smoothings[:1], tries.smoothings[1:]):
+            exact = _expected(task, targets, motion)
+            z, motion = polished_member(exact, deep, family, z, tries.steps, smoothings)
+        found.append(motion)
+    return found
+
+
+def family_of(name: str, task: Task) -> Excitation:
+    """For a task: its two moves are the deepest one, and there and back at top speed."""
+    limits = task.limits
+    space = motion_space(limits, task.boundary, task.intervals, task.period)
+    problem = task.problem(lambda motion, smoothing: jnp.zeros(()))
+    deep = inside(problem, task.intervals, task.period)
+    dwells = Dwells(jnp.flip(limits.velocity), jnp.ones(2))
+    moves = jnp.stack([deep.jerk, jerk_of(dwells, limits, space)])
+    peak, jerk = (jnp.min(jnp.abs(x)) for x in (limits.acceleration, limits.jerk))
+    edge = 2 * peak / jerk / deep.duration
+    return FAMILIES[name](space, moves, peak, edge)
+
+
+def budget(effort: Effort) -> Budget:
+    """As many starts and evaluations as one search for a design takes."""
+    random = effort.starts // 8
+    bred = (effort.starts - random) * MEMBERS
+    rounds = effort.rounds * effort.variations
+    descents = (effort.starts + rounds) * effort.stages * effort.steps  # at most
+    return Budget(bred + random + rounds, bred * effort.generations + descents)
+
+
+def draw(path: Path, worth: Mapping[str, Appraisal]) -> None:
+    """Bars: how far above the floor, one panel per parameter that the motion decides about."""
+    canvas, panels = report.figure(1, len(STUDIED), (11.0, 4.6))
+    y = np.arange(len(worth))
+    for k, (panel, name) in enumerate(zip(panels, STUDIED, strict=True)):
+        gaps = [100 * float(one.gap[k]) for one in worth.values()]
+        colours = [report.RED if excitation == OURS else report.BLUE for excitation in worth]
+        bars = panel.barh(y, gaps, color=colours)
+        panel.bar_label(bars, fmt="%.1f", padding=3, fontsize=10)
+        panel.set_yticks(y, [e.replace("_", " ") for e in worth] if k == 0 else [])
+        panel.invert_yaxis()
+        panel.margins(x=0.15)
+        report.label(panel, "guaranteed error, % above the floor", "", SYMBOLS[name])
+    report.save(canvas, path)
+
+
+def _expected(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> Problem:
+    """The criterion of our one motion, for motions near to another one."""
+    speed = _fastest(task)
+    return task.problem(expected_error(motor.system(), targets, motion, motor.servo(), speed))
+
+
+def _reached(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> float:
+    return float(_expected(task, targets, motion).value(motion))
+
+
+def _fastest(task: Task) -> Array:
+    return jnp.max(jnp.abs(task.limits.velocity))
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Compare))

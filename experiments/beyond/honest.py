@@ -1,0 +1,217 @@
+"""Is any truth ever outside of what was guaranteed? Thousands of simulated logs: honest.csv."""
+
+import hashlib
+import io
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jaxtyping import Array, Bool, Float
+from tqdm import tqdm
+
+import jaxid
+from experiments._support import simulated_logs
+from experiments._support.processes import each
+from experiments._support.simulated_logs import Motions
+from experiments.axes import linear_motor as motor
+from jaxid.identification.feasible_parameter_set import feasible_set
+from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.regression_rows import boxes, guaranteed, hats
+from jaxid.identification.state_bounds import brackets
+from jaxid.io.files import write_bytes, write_table
+from jaxid.io.plots import text_table
+from jaxid.loop.log import Log
+from jaxid.loop.sensors import differenced_record, printed_record
+from jaxid.regression.estimate import Estimate, least_squares_estimate
+from jaxid.regression.estimators import ESTIMATORS, Filtered, LeastSquares
+from jaxid.regression.filters import filtered
+from jaxid.regression.lower_bound import floor
+from jaxid.runtime import configure
+
+PROMISED = (
+    "modulating", *ESTIMATORS, "second_order_filter", "first_order_filter", "all_that_is_possible",
+)  # fmt: skip
+BARE = ("bare_as_printed", "bare_with_differences")  # (29) of a log, which promises nothing
+COLUMNS = (
+    "intervals", "parameter", "logs", "outside", "half_length_median", "half_length_most",
+    "median_over_floor", "most_over_floor",
+)  # fmt: skip
+CODE = (Path(__file__), Path(simulated_logs.__file__))
+USUAL = 500  # of the logs: the one motion, under cogging and friction
+
+Intervals = Mapping[str, tuple[Float[Array, " m"], Float[Array, " m"]]]
+
+
+@dataclass(frozen=True)
+class Honest:
+    """Intervals by every estimator from logs of random motors; goes on where it stopped.
+
+    Attributes:
+        out: the folder that honest.csv is written to, and blocks on the way.
+        motions: the folder with the trajectories of the study.
+        logs: how many; of these `USUAL` are of the one motion under cogging and friction.
+        seed: of the plants and forces.
+        processes: how many share the work; the results do not depend on it.
+        knots: of the modulating functions.
+        block: logs that are saved together.
+    """
+
+    out: Path = Path("figures")
+    motions: Path = Path("figures")
+    logs: int = 10_000
+    seed: int = 0
+    processes: int = 2
+    knots: int = 150
+    block: int = 50
+
+    @property
+    def folder(self) -> Path:
+        """The finished blocks of a run under way; other motions, options or code have another."""
+        asked = repr((self.logs, self.seed, self.knots, self.block)).encode()
+        digest = hashlib.sha256(asked)
+        code = (*sorted(Path(jaxid.__file__).parent.rglob("*.py")), *CODE)
+        for path in (*simulated_logs.paths(self.motions), *code):
+            digest.update(path.read_bytes())
+        return self.out / f"honest_{digest.hexdigest()[:16]}.blocks"
+
+    def path(self, number: int) -> Path:
+        """Of a block."""
+        return self.folder / f"{number}.npz"
+
+    def members(self, number: int) -> range:
+        """The logs of a block."""
+        return range(number * self.block, min((number + 1) * self.block, self.logs))
+
+
+class Found(NamedTuple):
+    """Of n logs: truths, and the intervals of every kind, shapes (n, m) and (n, kinds, m)."""
+
+    usual: Bool[np.ndarray, " n"]
+    theta: Float[np.ndarray, "n m"]
+    lower: Float[np.ndarray, "n kinds m"]
+    upper: Float[np.ndarray, "n kinds m"]
+
+
+def main(options: Honest) -> None:
+    """Simulate what is missing, count, print."""
+    complete(options)
+    found = collected(options)
+    rows = list(table(found))
+    write_table(options.out / "honest.csv", COLUMNS, rows)
+    shutil.rmtree(options.folder)
+    shown = [[row[name] for name in COLUMNS] for row in rows]
+    print(text_table(COLUMNS, shown, f"{options.logs} simulated logs, seed {options.seed}"))
+    kept = Log(jnp.zeros(1), jnp.zeros(2), motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)
+    rests_on = assumptions(motor.system(), kept)
+    print("All intervals but the bare ones rest on:", *rests_on, sep="\n  ")
+
+
+def complete(options: Honest) -> None:
+    """Every block that is not there yet."""
+    numbers = range(-(-options.logs // options.block))
+    missing = [number for number in numbers if not options.path(number).exists()]
+    work = partial(save_block, options)
+    progress = tqdm(each(work, missing, options.processes), "blocks of logs", len(missing))
+    for _ in progress:
+        pass
+
+
+def save_block(options: Honest, number: int) -> None:
+    """Simulate and judge the logs of a block."""
+    found = judged(options, simulated_logs.read_motions(options.motions), options.members(number))
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **found._asdict())
+    write_bytes(options.path(number), buffer.getvalue())
+
+
+def judged(options: Honest, motions: Motions, members: range) -> Found:
+    """What every estimator says of some logs."""
+    usual = [number < USUAL for number in members]
+    scenarios = [
+        (simulated_logs.usual if typical else simulated_logs.mixed)(options.seed, number)
+        for number, typical in zip(members, usual, strict=True)
+    ]
+    found = [intervals(log, options.knots) for log in simulated_logs.logs(motions, scenarios)]
+    ends = [
+        np.array([[one[name][side] for name in (*PROMISED, *BARE)] for one in found])
+        for side in (0, 1)
+    ]
+    theta = np.array([scenario.theta for scenario in scenarios])
+    return Found(np.array(usual), theta, *ends)
+
+
+def intervals(log: Log, knots: int) -> Intervals:
+    """Of one log, by all estimators: those of `PROMISED` and of `BARE`.
+
+    Each is θ̂ ± bound, without the box, which may not be what keeps a truth inside; only all that is
+    possible has no meaning without it.
+    """
+    found = identify_log(motor.system(), log, knots)
+    left = feasible_set(found.logged, [found.estimate], knots)
+    estimates = {"modulating": found.estimate, **_others(log)}
+    ends = {name: (e.theta - e.bound, e.theta + e.bound) for name, e in estimates.items()}
+    return ends | {"all_that_is_possible": (left.lower, left.upper)}
+
+
+@eqx.filter_jit
+def _others(log: Log) -> dict[str, Estimate]:
+    """All that need no linear program, from a single reading of the log with the prior box."""
+    system, w, h = motor.system(), motor.BANDWIDTH, motor.CONTROL_PERIOD
+    found, low_pass = brackets(system, log), Filtered(LeastSquares(), w, h)
+    rows = hats(system, log, found)
+    ways = {name: (rows, estimator) for name, estimator in ESTIMATORS.items()}
+    ways["second_order_filter"] = (rows, Filtered(low_pass, w, h))
+    ways["first_order_filter"] = (boxes(system, log, found), low_pass)
+    promised = {
+        name: guaranteed(logged, estimator(logged.record.rows, system.half_widths))
+        for name, (logged, estimator) in ways.items()
+    }
+    records = (
+        printed_record(system, log.input, log.position, w, h),
+        filtered(differenced_record(system, log.input, log.position, h), w, h),
+    )
+    bare = [least_squares_estimate(record, system) for record in records]
+    return promised | dict(zip(BARE, bare, strict=True))
+
+
+def collected(options: Honest) -> Found:
+    """All blocks, in order."""
+    numbers = range(-(-options.logs // options.block))
+    parts = [np.load(options.path(number)) for number in numbers]
+    return Found(*(np.concatenate([part[name] for part in parts]) for name in Found._fields))
+
+
+def table(found: Found) -> Iterator[dict[str, str | float | int]]:
+    """Counts and lengths by estimator and parameter; of the usual logs apart."""
+    least = np.asarray(floor(motor.system(), motor.limits()).value)
+    theta = found.theta[:, None]
+    outside = (theta < found.lower) | (theta > found.upper)
+    half = (found.upper - found.lower) / 2
+    everything = np.ones_like(found.usual)
+    groups = [(name, kind, everything) for kind, name in enumerate((*PROMISED, *BARE))]
+    groups.insert(0, ("modulating_usual_logs", 0, found.usual))
+    for label, kind, logs in groups:
+        for k, name in enumerate(motor.system().names):
+            lengths = half[logs, kind, k]
+            yield {
+                "intervals": label,
+                "parameter": name,
+                "logs": len(lengths),
+                "outside": int(outside[logs, kind, k].sum()),
+                "half_length_median": float(np.median(lengths)),
+                "half_length_most": float(lengths.max()),
+                "median_over_floor": float(np.median(lengths) / least[k]),
+                "most_over_floor": float(lengths.max() / least[k]),
+            }
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Honest))

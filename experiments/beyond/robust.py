@@ -1,0 +1,223 @@
+"""Limits that the axis itself keeps: sampled and proved, and what each costs beside (18)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jaxtyping import Float
+
+from experiments._support.cases import Case, encoder
+from experiments._support.settings import Setting
+from experiments._support.stages import by_18
+from experiments.axes import linear_motor as motor
+from experiments.paper import figures, tables
+from experiments.paper.designs import STUDIED, TOY
+from jaxid._checks import require
+from jaxid.design.criteria import planned_error
+from jaxid.design.optimal_motion import design_motion
+from jaxid.io.files import read_trajectory, write_table, write_trajectory
+from jaxid.loop.closed_loop import excesses, random_scenarios
+from jaxid.loop.disturbances import AgainstTracking, Disturbance, NoDisturbance
+from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.tube import Tube, cells
+from jaxid.loop.worst_case_plants import adversaries
+from jaxid.motion.limits import Limits, Prediction, shrunk
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.runtime import configure
+from jaxid.search.frozen_loop import perfect
+from jaxid.search.local import Effort, refine
+from jaxid.search.multistart import Effort as SearchEffort
+from jaxid.search.problem import Problem, Task
+
+CELLS = (8, 4, 4, 4)  # that Ω_θ is cut into for a proof
+# what the axis is given to begin with beside its motion: m, m/s and V, near what a tube needs
+PROVED_MARGINS, SAMPLED_MARGINS = (0.004, 0.04, 0.45, 0.0), (0.003, 0.03, 0.2, 0.0)
+ROUNDS = 4  # of finding plants that leave the limits and keeping farther away
+SIDES = ("position", "velocity", "input")
+METHODS = ("18", "proved", "sampled")
+
+
+@dataclass(frozen=True)
+class Robust:
+    """One motion per parameter whose limits hold for the axis: by (18), by sampling, by proof.
+
+    Motions that are there already are checked, not searched for again: remove their files for that.
+
+    Attributes:
+        out: the folder that robust.csv and the motions are written to.
+        motions: the folder with the trajectories of the study.
+        horizon: N_i of the motions.
+        plants: random plants of the final check.
+        attacks: plants of the final check that are searched for.
+        seed: of the designs; the final check has the next one.
+        toy: search and check hardly at all: only shows that everything runs.
+    """
+
+    out: Path = Path("figures")
+    motions: Path = Path("figures")
+    horizon: int = 30
+    plants: int = 1000
+    attacks: int = 100
+    seed: int = 0
+    toy: bool = False
+
+    @property
+    def prefix(self) -> str:
+        """Of the files: a toy leaves those of a real run alone."""
+        return "toy_" if self.toy else ""
+
+    def case(self, name: str) -> Case:
+        """The experiment for one parameter, with the law that has a tube."""
+        return Case(
+            Setting("provable", gains="provable"), name, self.horizon, self.motions, self.toy
+        )
+
+
+def main(options: Robust) -> None:
+    """Design what is missing, check, save, print."""
+    rows = []
+    for name in STUDIED[: 1 if options.toy else None]:
+        for method in METHODS:
+            rows.append(checked(options, name, method, motion(options, name, method)))
+            print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
+    table = tables.Table(tables.ROBUST, rows)
+    write_table(options.out / f"{options.prefix}robust.csv", table.header, table.rows)
+    draw(options, STUDIED[0])
+    print(table.text("Limits of the axis itself: by (18), by proof, by sampled plants"))
+
+
+def draw(options: Robust, name: str) -> None:
+    """The tube of the proved motion, and what corners of the box do in it."""
+    case, found = options.case(name), motion(options, name, "proved")
+    after = found.states(motor.CONTROL_PERIOD * jnp.arange(1, case.ticks + 1))
+    seen = case.axis(encoder())(found)
+    path = options.out / f"{options.prefix}tube.png"
+    figures.tube(path, after, tube(case)(found), seen, case.setting.limits(), name)
+
+
+def motion(options: Robust, name: str, method: str) -> JerkTrajectory:
+    """A motion that was found before, or a new one, left as a file."""
+    case = options.case(name)
+    if method == "18":
+        return by_18(case, {})
+    path = options.out / f"{options.prefix}robust_{method}_{name}_N{options.horizon}.csv"
+    if not path.exists():
+        write_trajectory(path, {"sampled": sampled, "proved": proved}[method](options, case))
+    return read_trajectory(path)
+
+
+def proved(options: Robust, case: Case) -> JerkTrajectory:
+    """All plants keep the limits: the tube does."""
+    return improved(case, case.setting.limits(), tube(case), start(options, case, PROVED_MARGINS))
+
+
+def tube(case: Case) -> Tube:
+    """Of all plants."""
+    loop, parts = case.loop(encoder()), (2, 1, 1, 1) if case.toy else CELLS
+    law, box = case.setting.controller(), cells(case.setting.system(), parts)
+    return Tube(law, encoder(), box, loop.period, loop.ticks, loop.repeats)
+
+
+def start(
+    options: Robust, case: Case, margins: tuple[float, float, float, float]
+) -> JerkTrajectory:
+    """A cold search with fixed margins for what the axis adds to its motion."""
+    system = case.setting.system()
+    axis = perfect(system, 5 * case.intervals, margins)
+    limits, boundary = case.setting.limits(), motor.boundary()
+    task = Task(limits, boundary, case.intervals, motor.KNOT_PERIOD, axis)
+    key = jax.random.fold_in(jax.random.key(options.seed), case.index)
+    effort = TOY if case.toy else SearchEffort()
+    return design_motion(system, task, case.parameter, key, effort=effort).trajectory
+
+
+def improved(
+    case: Case, limits: Limits, axis: Prediction, motion: JerkTrajectory
+) -> JerkTrajectory:
+    """The motion in the limits of the axis, and J* made as small as they allow."""
+    problem = Problem(case.planned(), limits, motor.boundary(), axis)
+    effort = Effort(rounds=1, steps=2, polish_steps=2) if case.toy else Effort()
+    return refine(problem, motion, effort).trajectory
+
+
+def sampled(options: Robust, case: Case) -> JerkTrajectory:
+    """The best of the proved motion, a search that begins from it, and one that begins cold."""
+    by_proof = motion(options, case.parameter, "proved")
+    starts = (start(options, case, SAMPLED_MARGINS), by_proof)
+    found = [inside_of_plants(options, case, begin) for begin in starts]
+    kept = [by_proof, *(motion for motion in found if motion is not None)]
+    return min(kept, key=lambda motion: planned(case, motion))
+
+
+def inside_of_plants(options: Robust, case: Case, begin: JerkTrajectory) -> JerkTrajectory | None:
+    """Farther and farther inside until none of the plants of one seed leaves the limits."""
+    limits, axis = case.setting.limits(), case.axis(IdealSensor())
+    inwards = jnp.full(3, 1e-3)
+    for _ in range(1 if case.toy else ROUNDS):
+        found = improved(case, shrunk(limits, inwards), axis, begin)
+        worst = np.max([part.max(axis=0) for part in beyond(options, case, found, options.seed)], 0)
+        print(
+            f"{case.parameter} sampled, J* {planned(case, found):.7g}, beyond by {worst}",
+            flush=True,
+        )
+        if np.all(worst <= 0):
+            return found
+        inwards = inwards + 1.5 * jnp.maximum(jnp.asarray(worst), 0.0)
+    return None
+
+
+def planned(case: Case, motion: JerkTrajectory) -> float:
+    """J* of its own parameter."""
+    return float(planned_error(case.setting.system(), motion)[case.index])
+
+
+def checked(options: Robust, name: str, method: str, motion: JerkTrajectory) -> tables.Row:
+    """J*, whether the tube keeps the limits, and how many plants of the final check leave which.
+
+    Raises:
+        ValueError: if the motion of a file is not what its name promises.
+    """
+    case = options.case(name)
+    limits = case.setting.limits()
+    holds = bool(
+        Problem(case.planned(), limits, motor.boundary(), tube(case)).violation(motion) <= 0
+    )
+    require(
+        holds or method != "proved",
+        f"Argument `out`: the motion for {name} that is there as proved leaves its limits: "
+        "remove its file, to search again.",
+    )
+    random, searched = beyond(options, case, motion, options.seed + 1)
+    row: tables.Row = {"parameter": name, "N": options.horizon, "limits": method}
+    row |= {"J_star": planned(case, motion), "proved": holds}
+    for group, found in (("random", random), ("searched", searched)):
+        row[f"{group}_plants"] = len(found)
+        for k, side in enumerate(SIDES):
+            row[f"{group}_beyond_{side}"] = int(np.sum(found[:, k] > 0))
+    return row
+
+
+def beyond(
+    options: Robust, case: Case, motion: JerkTrajectory, seed: int
+) -> tuple[Float[np.ndarray, "k sides"], Float[np.ndarray, "k sides"]]:
+    """The excess of random plants and of plants searched for: encoder, ten steps per tick."""
+    system, limits = case.setting.system(), case.setting.limits()
+    first, second = jax.random.split(jax.random.key(seed))
+    against = AgainstTracking(case.setting.controller().k1)
+    kinds: list[Disturbance] = [NoDisturbance(), motor.plant().disturbance, against]
+    plants, attacks = (8, 6) if case.toy else (options.plants, options.attacks)
+    ideal, real = case.loop(IdealSensor()), case.loop(encoder(), 1 if case.toy else 10)
+    groups = (
+        random_scenarios(first, system, kinds, real.repeats * real.ticks, plants),
+        adversaries(ideal, system, limits, motion, second, attacks),
+    )
+    one, other = (np.asarray(excesses(real, group, limits, motion)) for group in groups)
+    return one, other
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Robust))

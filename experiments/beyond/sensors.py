@@ -1,0 +1,161 @@
+"""What a guarantee costs over encoder resolutions and servo periods, by three ways: sensors.csv."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jaxtyping import Float
+from tqdm import tqdm
+
+from experiments.axes import linear_motor as motor
+from experiments.paper.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajectory_path
+from experiments.paper.figures import SYMBOLS
+from jaxid._types import Scalar
+from jaxid.design.nominal_log import Servo, foreseen
+from jaxid.identification.intervals import ROUNDS, narrowed
+from jaxid.identification.modulating_functions import modulating
+from jaxid.identification.regression_rows import Logged, boxes, guaranteed, hats
+from jaxid.identification.state_bounds import brackets
+from jaxid.io import plots as report
+from jaxid.io.files import Cell as Value
+from jaxid.io.files import read_trajectory, write_table
+from jaxid.loop.log import Log
+from jaxid.model.system import System
+from jaxid.regression.estimate import Estimate
+from jaxid.regression.estimators import Filtered, LeastSquares
+from jaxid.regression.lower_bound import floor
+from jaxid.runtime import configure
+
+RESOLUTIONS = (0.05e-6, 0.5e-6, 5e-6, 50e-6)  # m
+PERIODS = (0.0001, 0.0002, 0.0005, 0.001, 0.002)  # s
+BANDWIDTHS = tuple(float(w) for w in np.geomspace(30.0, 10_000.0, 11).round())  # rad/s
+COLUMNS = ("way", "period_s", "resolution_m", "parameter", "guaranteed", "floor", "prior")
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Guaranteed errors of the one motion, whatever encoder and servo its log comes from.
+
+    Attributes:
+        out: the folder that sensors.csv and sensors.png are written to.
+        motions: the folder with the trajectories of the study.
+        toy: the motor's own sensor only: shows that everything runs.
+    """
+
+    out: Path = Path("figures")
+    motions: Path = Path("figures")
+    toy: bool = False
+
+
+class Way(NamedTuple):
+    """From a log to estimates, all of which hold.
+
+    Attributes:
+        rows: of the log.
+        estimates: of the rows.
+    """
+
+    rows: Callable[..., Logged]
+    estimates: Callable[[Logged, Scalar], list[Estimate]]
+
+
+def _filtered(order: int) -> Callable[[Logged, Scalar], list[Estimate]]:
+    """Least squares of filtered rows, with every bandwidth."""
+
+    @eqx.filter_jit
+    def one(logged: Logged, w: Scalar, period: Scalar) -> Estimate:
+        estimator = LeastSquares()
+        for _ in range(order):
+            estimator = Filtered(estimator, w, period)
+        weights = estimator(logged.record.rows, logged.system.half_widths)
+        return guaranteed(logged, weights)
+
+    return lambda logged, period: [one(logged, jnp.asarray(w), period) for w in BANDWIDTHS]
+
+
+def _modulated(logged: Logged, period: Scalar) -> list[Estimate]:
+    return [guaranteed(logged, modulating(logged, motor.system().half_widths))]
+
+
+WAYS: Mapping[str, Way] = {
+    "first_order_filter": Way(boxes, _filtered(1)),
+    "second_order_filter": Way(hats, _filtered(2)),
+    "modulating": Way(hats, _modulated),
+}
+_LABELS = {
+    "first_order_filter": ("$H_f$, differenced velocity (the paper's way, made honest)", "x"),
+    "second_order_filter": ("second-order filter on the position", "s"),
+    "modulating": ("optimal modulating functions", "o"),
+}
+
+
+def main(options: Sensors) -> None:
+    """Compute, save, draw."""
+    rows = list(costs(options))
+    prefix = "toy_" if options.toy else ""
+    write_table(options.out / f"{prefix}sensors.csv", COLUMNS, rows)
+    draw(options.out / f"{prefix}sensors.png", rows)
+
+
+def costs(options: Sensors) -> Iterator[dict[str, Value]]:
+    """What each way guarantees for each parameter and sensor; with filters, at the best w each."""
+    system, least = motor.system(), floor(motor.system(), motor.limits()).value
+    motion = read_trajectory(trajectory_path(options.motions, Cell(ONE_MOTION, HORIZON)))
+    whole = [(period, resolution) for period in PERIODS for resolution in RESOLUTIONS]
+    usual = [(motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)]
+    for period, resolution in tqdm(usual if options.toy else whole, "sensors"):
+        log = foreseen(system, motion, Servo(period, resolution))
+        for name, way in WAYS.items():
+            bounds = least_bounds(system, log, way)
+            for k, parameter in enumerate(system.names):
+                values = float(bounds[k]), float(least[k]), float(system.half_widths[k])
+                sensor = name, period, resolution, parameter
+                yield dict(zip(COLUMNS, (*sensor, *values), strict=True))
+
+
+def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
+    """Of the last of two readings of a log, the second with the box that the first left."""
+    narrow, bounds = system, np.full(len(system.names), np.inf)
+    for _ in range(ROUNDS):
+        found = way.estimates(way.rows(narrow, log, brackets(narrow, log)), log.period)
+        bounds = np.min([np.asarray(estimate.bound) for estimate in found], axis=0)
+        for estimate in found:
+            narrow = narrowed(narrow, estimate)
+    return bounds
+
+
+def draw(path: Path, rows: list[dict[str, Value]]) -> None:
+    """Over resolutions at the motor's period above, over periods at its resolution below."""
+    canvas, panels = report.figure(2, len(STUDIED), (11.0, 7.0))
+    sides = (
+        ("resolution_m", "period_s", motor.CONTROL_PERIOD, "encoder count (µm)", 1e6, "at 0.2 ms"),
+        ("period_s", "resolution_m", motor.ENCODER_RESOLUTION, "period (ms)", 1e3, "at 0.5 µm"),
+    )
+    for number, (along, fixed, value, label, factor, title) in enumerate(sides):
+        for name, panel in zip(STUDIED, panels[number * len(STUDIED) :], strict=False):
+            chosen = [r for r in rows if r["parameter"] == name and r[fixed] == value]
+            for colour, (way, (text, mark)) in zip(report.CYCLE, _LABELS.items(), strict=False):
+                own = [r for r in chosen if r["way"] == way]
+                x = [factor * float(r[along] or 0) for r in own]
+                panel.loglog(x, _above(own, "guaranteed"), f"{mark}-", color=colour, label=text)
+            for worthless in _above(chosen[:1], "prior"):
+                panel.axhline(worthless, color=report.GREY, linestyle="--", label="prior box")
+            side = "% above the floor" if name == STUDIED[0] else ""
+            report.label(panel, label, side, f"{SYMBOLS[name]}, {title}")
+    handles, labels = panels[0].get_legend_handles_labels()
+    canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=10)
+    report.save(canvas, path)
+
+
+def _above(rows: list[dict[str, Value]], column: str) -> list[float]:
+    return [100 * (float(r[column] or 0) / float(r["floor"] or 1) - 1) for r in rows]
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Sensors))

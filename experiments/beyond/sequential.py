@@ -1,0 +1,270 @@
+"""Identify, shrink the box, design again: three rounds on the simulated motor, sequential.csv.
+
+A smaller box allows more acceleration (18), and with more acceleration a log proves more of M. Of
+the other parameters no log can promise much more than the first one does, as the floor shows; but
+what is possible of them shrinks with every log, as far as its data happen to be lucky.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import tyro
+from jaxtyping import Array, Float
+from tqdm import tqdm
+
+from experiments._support.toys import Toys
+from experiments.axes import linear_motor as motor
+from experiments.paper.designs import HORIZON, TOY, one_motion, with_starts
+from experiments.paper.figures import SYMBOLS
+from jaxid.design.guaranteed_criterion import expected_error
+from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed
+from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set
+from jaxid.identification.intervals import assumptions, identify_log, identify_logs
+from jaxid.identification.modulating_functions import KNOTS
+from jaxid.io import plots as report
+from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
+from jaxid.io.plots import text_table
+from jaxid.loop.controllers import ARC
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.log import Log
+from jaxid.loop.sensors import Encoder
+from jaxid.model.system import System
+from jaxid.motion.limits import Limits, acceleration_limit
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.estimate import Estimate
+from jaxid.regression.lower_bound import floor
+from jaxid.runtime import configure
+from jaxid.search.multistart import Effort
+from jaxid.search.problem import Task
+
+JERKS = (1000.0, 3000.0)  # m/s³; with the second more acceleration can be used
+# N_i of each round: with a jerk of 1000 m/s³ a second motion of 0.6 s would prove of M no more than
+# the data of the first happen to leave. What the time alone is worth is `alone_first_limits`.
+HORIZONS = (HORIZON, 2 * HORIZON, 2 * HORIZON)
+_WORTH = 0.98  # of what the motion before proves: with no floor below it there is no room left
+_NEAR = 1.02  # of the best for one parameter, that a motion for all of them is to reach
+COLUMNS = (
+    "jerk_m_s3", "round", "N", "parameter", "acceleration_m_s2", "theta_true", "alone",
+    "alone_first_limits", "floor", "bound", "lower", "upper", "possible_lower", "possible_upper",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Sequential(Toys):
+    """Three experiments, each under the limits that the box left by the one before allows.
+
+    Attributes:
+        out: the folder of sequential.csv, sequential.png and the motions of all rounds.
+        seed: of the searches.
+        redraw: use the motions in `out` instead of searching.
+        toy: one jerk limit, two rounds, hardly searched: only shows that everything runs.
+    """
+
+    out: Path = Path("figures")
+    seed: int = 0
+    redraw: bool = False
+    toy: bool = False
+
+    def path(self, jerk: float, number: int, first_limits: bool = False) -> Path:
+        """Of the motion of a round, under its limits or those of the first one."""
+        return self.named(f"sequential_{jerk:g}_{number}{'_first' * first_limits}.csv")
+
+
+class Round(NamedTuple):
+    """One experiment.
+
+    Attributes:
+        log: of it.
+        motion: that was run.
+        limits: that the box before it allows.
+        least: the floor under them: no log of a motion within them proves more.
+        alone: by this log.
+        alone_first_limits: by one as long under the limits of the first box, if that was tried.
+        found: by all logs so far together.
+        left: all that they leave possible: the box of the next round.
+    """
+
+    log: Log
+    motion: JerkTrajectory
+    limits: Limits
+    least: Float[Array, " m"]
+    alone: Estimate
+    alone_first_limits: Estimate | None
+    found: Estimate
+    left: FeasibleSet
+
+
+def main(options: Sequential) -> None:
+    """Design, run, identify, shrink; save and draw."""
+    jerks, horizons = (JERKS[:1], HORIZONS[:2]) if options.toy else (JERKS, HORIZONS)
+    rows: list[dict[str, Cell]] = []
+    logs: list[Log] = []
+    with tqdm(total=len(jerks) * len(horizons), desc="rounds") as progress:
+        for jerk in jerks:
+            for number, done in enumerate(experiments(options, jerk, horizons), start=1):
+                rows += rows_of(jerk, number, done)
+                logs.append(done.log)
+                progress.update()
+    write_table(options.named("sequential.csv"), COLUMNS, rows)
+    draw(options.named("sequential.png"), rows)
+    print(text_table(COLUMNS, [[row[name] for name in COLUMNS] for row in rows]))
+    print("These intervals rest on:", *assumptions(motor.system(), *logs), sep="\n  ")
+
+
+def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> Iterator[Round]:
+    """One after the other, on the same axis.
+
+    What is proved rests on the first box only; later ones allow more and are what a law knows.
+    """
+    first = known = motor.system()
+    done: list[Round] = []
+    for number, horizon in enumerate(horizons, start=1):
+        limits = allowed(known, jerk)
+        least = floor(first, limits).value
+        motion = chosen(options, options.path(jerk, number), limits, horizon, done)
+        log = measured(known, motion)
+        logs = [*(before.log for before in done), log]
+        together = identify_logs(first, logs)
+        left = feasible_set(together.logged, [together.estimate], KNOTS)
+        alone = identify_log(first, log).estimate
+        control = None
+        if done and horizon > done[-1].motion.jerk.size // 2:  # what the time alone is worth
+            path = options.path(jerk, number, first_limits=True)
+            usual = chosen(options, path, allowed(first, jerk), horizon, done)
+            control = identify_log(first, measured(known, usual)).estimate
+        found = together.estimate
+        done.append(Round(log, motion, limits, least, alone, control, found, left))
+        yield done[-1]
+        ends = [jnp.stack(pair) for pair in zip(left.lower, left.upper, strict=True)]
+        known = eqx.tree_at(lambda s: [term.interval for term in s.terms], first, ends)
+
+
+def chosen(
+    options: Sequential, path: Path, limits: Limits, horizon: int, done: Sequence[Round]
+) -> JerkTrajectory:
+    """The motion for a round, kept in a file."""
+    if not options.redraw:
+        task = Task(limits, motor.boundary(), 2 * horizon, motor.KNOT_PERIOD)
+        write_trajectory(path, designed(options, task, done))
+    return read_trajectory(path)
+
+
+def allowed(system: System, jerk: float) -> Limits:
+    """(18) with the box as it is now: the better it is known, the faster the axis may be moved."""
+    usual = motor.limits()
+    box = {name: tuple(getattr(usual, name).tolist()) for name in ("position", "velocity", "input")}
+    return Limits(acceleration=acceleration_limit(system, **box), jerk=(-jerk, jerk), **box)
+
+
+def designed(options: Sequential, task: Task, done: Sequence[Round]) -> JerkTrajectory:
+    """For what the log will prove by itself: more where there is room, elsewhere hardly less."""
+    effort = TOY if options.toy else Effort()
+    key = jax.random.fold_in(jax.random.key(options.seed), len(done))
+    if not done:
+        return one_motion(motor.system(), task, key, effort)
+    before, least = done[-1].motion, floor(motor.system(), task.limits).value
+    # a motion that was designed for other limits is as good a start, and may stay
+    starts = [key, before] if before.jerk.size == task.intervals else [key]
+    proved = targets = expected(before)
+    for k in np.flatnonzero(least < _WORTH * proved):
+        only = jnp.full(len(proved), jnp.inf).at[k].set(proved[k])
+        reached, _ = best(task, only, starts, with_starts(effort))
+        targets = targets.at[k].set(jnp.minimum(_NEAR * reached[k], proved[k]))
+    return best(task, targets, starts, with_starts(effort))[1]
+
+
+def best(
+    task: Task,
+    targets: Float[Array, " m"],
+    starts: Sequence[jax.Array | JerkTrajectory],
+    effort: GuaranteedEffort,
+) -> tuple[Float[Array, " m"], JerkTrajectory]:
+    """What is expected of the best design from several starts, and the motion.
+
+    By the error that is designed for; so that a start which is a motion is never made worse.
+    """
+    system, servo, found = motor.system(), motor.servo(), []
+    for k, start in enumerate(starts):
+        motion = design_guaranteed(system, task, targets, start, servo, effort=effort)
+        bound = expected(motion)
+        found.append((float(jnp.max(bound / targets)), k, bound, motion))
+    return min(found)[2:]
+
+
+def expected(motion: JerkTrajectory) -> Float[Array, " m"]:
+    """Errors, should the velocity miss that of the motion as the servo may, where δ jumps."""
+    system, speed = motor.system(), abs(motor.limits().velocity).max()
+    error = expected_error(system, system.half_widths, motion, motor.servo(), speed)
+    return error.errors(motion, jnp.zeros(()))
+
+
+def measured(system: System, motion: JerkTrajectory) -> Log:
+    """The motor's log of it, tracked by a law that knows the box as it is now."""
+    encoder, period = Encoder(motor.ENCODER_RESOLUTION), motor.CONTROL_PERIOD
+    law = ARC(system, **motor.ARC_GAINS)
+    _, signals = run(motor.plant(), law, encoder, motion, period)
+    return log_of(signals, encoder, period)
+
+
+def rows_of(jerk: float, number: int, done: Round) -> list[dict[str, Cell]]:
+    """For the table."""
+    found, left, control = done.found, done.left, done.alone_first_limits
+    return [
+        {
+            "jerk_m_s3": jerk,
+            "round": number,
+            "N": done.motion.jerk.size // 2,
+            "parameter": name,
+            "acceleration_m_s2": float(done.limits.acceleration[1]),
+            "theta_true": motor.TRUE_PARAMETERS[k],
+            "alone": float(done.alone.bound[k]),
+            "alone_first_limits": None if control is None else float(control.bound[k]),
+            "floor": float(done.least[k]),
+            "bound": float(found.bound[k]),
+            "lower": float((found.theta - found.bound)[k]),
+            "upper": float((found.theta + found.bound)[k]),
+            "possible_lower": float(left.lower[k]),
+            "possible_upper": float(left.upper[k]),
+        }
+        for k, name in enumerate(motor.system().names)
+    ]
+
+
+def draw(path: Path, rows: Sequence[dict[str, Cell]]) -> None:
+    """Intervals by round, from all logs so far."""
+    names = motor.system().names
+    canvas, panels = report.figure(1, len(names), (11.0, 4.4))
+    jerks = list(dict.fromkeys(float(row["jerk_m_s3"] or 0) for row in rows))
+    for panel, name in zip(panels, names, strict=True):
+        for jerk, colour, side in zip(jerks, report.CYCLE, (-0.12, 0.12), strict=False):
+            own = [r for r in rows if r["parameter"] == name and r["jerk_m_s3"] == jerk]
+            x = np.array([float(r["round"] or 0) for r in own]) + side
+            for first, last, width, alpha, what in (
+                ("lower", "upper", 9, 0.3, "θ̂ ± bound"),
+                ("possible_lower", "possible_upper", 5, 1.0, "all that is possible"),
+            ):
+                low, high = ([float(r[end] or 0) for r in own] for end in (first, last))
+                text = f"{what}, {jerk:g} m/s³"
+                panel.vlines(x, low, high, color=colour, linewidth=width, alpha=alpha, label=text)
+            panel.axhline(float(own[0]["theta_true"] or 0), color=report.BLACK, linewidth=1.0)
+        panel.set_xticks(range(1, 1 + max(int(r["round"] or 0) for r in rows)))
+        report.label(panel, "round", "", f"{SYMBOLS[name]} ({_unit(name)})")
+    handles, labels = panels[0].get_legend_handles_labels()
+    canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
+    report.save(canvas, path)
+
+
+def _unit(name: str) -> str:
+    system = motor.system()
+    return system.units[system.index(name)]
+
+
+if __name__ == "__main__":
+    configure()
+    main(tyro.cli(Sequential))

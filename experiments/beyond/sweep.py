@@ -1,0 +1,195 @@
+"""J_f and tracking over horizons, bandwidths, gains and scenarios: a data set and heat maps."""
+
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import numpy as np
+import tyro
+import xarray as xr
+from tqdm import tqdm
+
+from experiments._support import heat_maps
+from experiments.axes import linear_motor as motor
+from experiments.paper.designs import STUDIED, Cell, trajectory_path
+from experiments.paper.runs import BANDWIDTHS, PERIODS
+from jaxid.io.files import read_dataset, read_trajectory, write_dataset
+from jaxid.loop.controllers import ARC
+from jaxid.loop.sensors import Encoder
+from jaxid.runtime import configure, connect, processors
+from jaxid.sweep import blocks
+from jaxid.sweep.dataset import Labels, labelled
+from jaxid.sweep.grid import Grid, Swept, Truth, grid, item
+
+COMMAND = "python -m experiments.beyond.sweep"
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Closed loops on the motor: motions × gains × scenarios, each filtered with every bandwidth.
+
+    It may be interrupted, or killed, at any time: the same command goes on where it stopped. No
+    result depends on the devices and processes that share the work.
+
+    Attributes:
+        out: the folder that sweep.nc and the heat maps are written to, and blocks on the way.
+        motions: the folder with the trajectories of the study.
+        seed: of the random parameters and disturbances.
+        redraw: draw the sweep.nc in `out` again instead of computing it.
+        toy: sweep hardly anything: only shows that everything runs.
+        devices: how many blocks this process computes at once; default one per processor.
+        coordinator: host:port, a free port of process 0: for several processes without Slurm.
+        processes: how many processes share the work, all with one `out`; Slurm knows by itself.
+        process_id: which of them this is, from 0; Slurm knows by itself.
+    """
+
+    out: Path = Path("figures")
+    motions: Path = Path("figures")
+    seed: int = 0
+    redraw: bool = False
+    toy: bool = False
+    devices: int | None = None
+    coordinator: str | None = None
+    processes: int | None = None
+    process_id: int | None = None
+
+    @property
+    def file(self) -> Path:
+        """The data set."""
+        return self.out / "sweep.nc"
+
+    @property
+    def folder(self) -> Path:
+        """The finished blocks of a sweep under way."""
+        return self.out / "sweep.blocks"
+
+    @property
+    def cells(self) -> list[Cell]:
+        """The designs to sweep; some have no motion."""
+        few = slice(2 if self.toy else None)
+        return [Cell(name, horizon) for name in STUDIED[few] for horizon in motor.HORIZONS[few]]
+
+
+def main(options: Sweep) -> None:
+    """Compute, save, draw, print."""
+    if options.redraw:
+        dataset = read_dataset(options.file)
+    else:
+        dataset = compute(options)
+        if dataset is None:
+            return
+        write_dataset(options.file, dataset)
+        shutil.rmtree(options.folder)
+    heat_maps.draw(options.out, dataset)
+    print(summary(dataset))
+
+
+def compute(options: Sweep) -> xr.Dataset | None:
+    """This process's share of the sweep; process 0 returns all of it."""
+    devices = options.devices or processors()
+    connect(devices, options.coordinator, options.processes, options.process_id)
+    swept, labels = study(options)
+    work = blocks.Work(item, swept, swept.count, lanes=2 if options.toy else 8)
+    first = jax.process_index() == 0
+    with tqdm(desc="sweep", total=work.blocks, unit="block", disable=not first) as progress:
+        blocks.compute(
+            work, options.folder, devices, lambda done, _: progress.update(done - progress.n)
+        )
+    if not first:
+        return None
+    attributes = {
+        "title": "Closed loops on the linear motor: J_f, errors and extremes",
+        "command": shlex.join([*COMMAND.split(), *sys.argv[1:]]),
+        "seed": options.seed,
+        "fingerprint": work.fingerprint,
+    }
+    return labelled(swept, labels, blocks.collect(work, options.folder), attributes)
+
+
+def summary(dataset: xr.Dataset) -> str:
+    """Is (29) kept?"""
+    loops, diverged = dataset.tracking_error.count(), np.isinf(dataset.tracking_error).sum()
+    kept = dataset.outside.where(np.isfinite(dataset.tracking_error))
+    return (
+        f"{int(loops)} closed loops, of which {int(diverged)} diverge. In the others, θ is outside "
+        f"θ̂ ± J_f in {int(kept.sum())} of {int(kept.count())} estimates of one parameter."
+    )
+
+
+def study(options: Sweep) -> tuple[Grid, Labels]:
+    """What is swept, and its names."""
+    paths = {cell: trajectory_path(options.motions, cell) for cell in options.cells}
+    motions = {cell: read_trajectory(path) for cell, path in paths.items() if path.exists()}
+    few = slice(3 if options.toy else None)
+    controllers = dict(list(gains().items())[few])
+    truths = dict(list(scenarios(options.seed).items())[few])
+    swept = grid(
+        motor.system(),
+        Encoder(motor.ENCODER_RESOLUTION),
+        motor.plant().disturbance,
+        Swept(
+            list(motions.values()),
+            list(controllers.values()),
+            list(truths.values()),
+            BANDWIDTHS[few],
+        ),
+        motor.CONTROL_PERIOD,
+        repeats=1 if options.toy else PERIODS,
+        seed=options.seed,
+    )
+    names = [(cell.target, cell.horizon) for cell in motions]
+    horizons = sorted({cell.horizon for cell in options.cells})
+    return swept, Labels(names, horizons, list(controllers), list(truths))
+
+
+def gains() -> dict[str, ARC]:
+    """The study's gains, and one after the other changed."""
+    chosen = motor.controller()
+
+    def with_(name: str, factor: float) -> ARC:
+        return eqx.tree_at(lambda arc: getattr(arc, name), chosen, replace_fn=lambda g: g * factor)
+
+    return {
+        "as chosen": chosen,
+        "k₁ / 4": with_("k1", 1 / 4),
+        "k₁ × 2": with_("k1", 2.0),
+        "k₂ / 4": with_("k2", 1 / 4),
+        "k₂ × 4": with_("k2", 4.0),
+        "ε / 10": with_("epsilon", 1 / 10),
+        "ε × 10": with_("epsilon", 10.0),
+        "Γ = 0": with_("gamma", 0.0),
+        "Γ × 10": with_("gamma", 10.0),
+    }
+
+
+def scenarios(seed: int) -> dict[str, Truth]:
+    """True parameters, and what disturbs the axis."""
+    system = motor.system()
+    shares = np.asarray(jax.random.uniform(jax.random.key(seed), (3, len(system.names))))
+    lower, upper = np.asarray(system.lower), np.asarray(system.upper)
+    true = motor.TRUE_PARAMETERS
+    return {
+        "no Δ": Truth(true),
+        "cogging, friction": Truth(true, own=1.0),
+        "random Δ": Truth(true, random=1.0),
+        "adversary": Truth(true, against=1.0),
+        "centre of the box": Truth(system.centre, own=1.0),
+        "lowest θ, adversary": Truth(system.lower, against=1.0),
+        "highest θ, adversary": Truth(system.upper, against=1.0),
+        **{
+            f"random θ and Δ, {k}": Truth(lower + share * (upper - lower), random=1.0)
+            for k, share in enumerate(shares, 1)
+        },
+    }
+
+
+if __name__ == "__main__":
+    configure()
+    try:
+        main(tyro.cli(Sweep))
+    except KeyboardInterrupt:
+        sys.exit("Interrupted: the same command goes on with the blocks that are missing.")

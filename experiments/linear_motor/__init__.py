@@ -1,1 +1,0 @@
-"""The paper's experiment on its linear motor: `python -m experiments.linear_motor`."""

@@ -1,0 +1,1 @@
+"""The paper's experiment on its linear motor: `python -m experiments.paper`."""

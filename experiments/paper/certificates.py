@@ -1,0 +1,82 @@
+"""How good the designs are, and what one experiment proves: guaranteed errors, floor, set of θ."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
+
+from experiments.axes import linear_motor as motor
+from jaxid.design.evaluation import Appraisal, appraise
+from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set, projection
+from jaxid.identification.intervals import Guarantee, assumptions, identify_log
+from jaxid.identification.regression_rows import guaranteed
+from jaxid.loop.experiment import log_of, run
+from jaxid.loop.record import rows_of
+from jaxid.loop.sensors import Encoder
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.estimators import ESTIMATORS
+from jaxid.regression.lower_bound import Floor
+from jaxid.regression.worst_case import affine_worst_case_error
+
+KNOTS = 150  # of a feasible set; twice as many leave 3 % less of it
+PLANES = (("M", "B"), ("M", "Fc"), ("B", "Fc"), ("Fc", "dbar"))
+_NODES = 256  # per interval, of the errors of the estimators: twice as many change less than 1e-3
+
+
+class Worth(NamedTuple):
+    """What a motion is worth for each parameter.
+
+    Attributes:
+        appraisal: by least squares, what its log can be expected to prove, and the floor.
+        errors: worst-case errors on the desired motion by other estimators, shape (m,) each.
+    """
+
+    appraisal: Appraisal
+    errors: Mapping[str, Float[Array, " m"]]
+
+
+class Proof(NamedTuple):
+    """What the log of one experiment proves.
+
+    Attributes:
+        assumptions: that all of it rests on.
+        guarantee: by the weights that were best before the data.
+        left: all that the data leave possible.
+        projections: of the same, by pair of parameters.
+    """
+
+    assumptions: tuple[str, ...]
+    guarantee: Guarantee
+    left: FeasibleSet
+    projections: Mapping[tuple[str, str], Float[np.ndarray, "corners 2"]]
+
+
+def worth(motion: JerkTrajectory, least: Floor) -> Worth:
+    """Before the experiment."""
+    return Worth(appraise(motor.system(), motion, motor.servo(), least), _errors(motion))
+
+
+@eqx.filter_jit
+def _errors(motion: JerkTrajectory) -> dict[str, Float[Array, " m"]]:
+    system = motor.system()
+    rows, box = rows_of(system, *motion.midpoints(_NODES)), system.half_widths
+    return {
+        name: affine_worst_case_error(estimator(rows, box), rows, box)
+        for name, estimator in ESTIMATORS.items()
+        if name != "least_squares"
+    }
+
+
+def experiment(motion: JerkTrajectory) -> Proof:
+    """One run of the motion on the simulated motor, with its encoder, cogging and friction."""
+    system, encoder = motor.system(), Encoder(motor.ENCODER_RESOLUTION)
+    _, signals = run(motor.plant(), motor.controller(), encoder, motion, motor.CONTROL_PERIOD)
+    log = log_of(signals, encoder, motor.CONTROL_PERIOD)
+    found = identify_log(system, log)
+    rows, box = found.logged.record.rows, system.half_widths
+    others = [guaranteed(found.logged, estimator(rows, box)) for estimator in ESTIMATORS.values()]
+    left = feasible_set(found.logged, [found.estimate, *others], KNOTS)
+    seen = {pair: projection(found.logged, *pair, KNOTS) for pair in PLANES}
+    return Proof(assumptions(system, log), found, left, seen)

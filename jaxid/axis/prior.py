@@ -1,0 +1,127 @@
+"""A first Ω_θ and δ from a log of any motion that a servo makes anyway: Remark 1 of the paper.
+
+"Ω_θ can be obtained by some simple identification methods which may not be very accurate … can be
+very conservative." It is a proposal by a rule, and no guarantee: only who knows the axis can say
+that nothing is outside of it.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from jaxid._checks import require
+from jaxid.axis.file import Axis
+from jaxid.identification.batches import shared
+from jaxid.identification.feasible_parameter_set import MOST, explaining_factor
+from jaxid.identification.least_squares import fit
+from jaxid.io.log_file import Recorded
+from jaxid.io.plots import text_table
+from jaxid.io.segments import steady
+from jaxid.loop.log import Log
+from jaxid.model.disturbance_bound import ConstantBound
+from jaxid.model.regressors import Coulomb, OneWay, Sign, Viscous
+from jaxid.model.system import System, Term
+
+_SHARE = 0.5  # of the estimate
+_LEAST_INERTIA = 0.1  # of the estimate: it must stay above zero
+MARGIN = 1.25
+_KNOTS = 6000  # of all rows together: fewer would let a smaller δ seem enough
+RULE = (
+    f"Each interval is the least-squares estimate, plus and minus {_SHARE:.0%} of it, or what a "
+    "disturbance as large as the largest rest of the fit can shift it by, if that is more; inertia "
+    "stays above a tenth of its estimate, friction above zero.",
+    f"δ is {MARGIN:g} times the smallest one with which some θ of that box explains the log.",
+    "This is a proposal: whether something the log did not show can be larger, you have to know.",
+)
+
+
+class Proposal(NamedTuple):
+    """By the rule.
+
+    Attributes:
+        theta: of least squares, shape (m,).
+        lower: of the box, shape (m,).
+        upper: shape (m,).
+        delta: in the unit of the input.
+    """
+
+    theta: Float[np.ndarray, " m"]
+    lower: Float[np.ndarray, " m"]
+    upper: Float[np.ndarray, " m"]
+    delta: float
+
+
+def propose(axis: Axis, recorded: Recorded) -> Proposal:
+    """A box and δ for the terms of an axis, whatever its file says of both.
+
+    Args:
+        axis: from a file.
+        recorded: of any motion that tells its parameters apart.
+
+    Raises:
+        ValueError: if the log does not tell the parameters apart, or what it tells of an inertia
+            or a friction is below zero, or no δ explains it.
+    """
+    servo, system = axis.servo, axis.system
+    pieces = steady(recorded, servo.period, servo.resolution, axis.delay)
+    logs = [piece.log for piece in pieces]
+    found = fit(system, logs)
+    require(
+        found.theta[0] > 0,
+        f"Argument `recorded`: least squares find {system.names[0]} = {found.theta[0]:.4g} "
+        f"{system.units[0]}, which no inertia is; the sign of an input or of a position is wrong.",
+    )
+    half = np.maximum(_SHARE * np.abs(found.theta), found.shift)
+    lower, upper = found.theta - half, found.theta + half
+    least = [_least(term, k, found.theta[k]) for k, term in enumerate(system.terms)]
+    lower = np.maximum(lower, least)
+    for name, unit, low, high in zip(system.names, system.units, lower, upper, strict=True):
+        require(
+            low < high,
+            f"Argument `recorded`: by least squares {name} is {high:.4g} {unit} at most, which no "
+            "friction is; a term of the axis is missing, or a sign is wrong.",
+        )
+    known = eqx.tree_at(
+        lambda s: [term.interval for term in s.terms], system, list(np.stack([lower, upper], 1))
+    )
+    return Proposal(found.theta, lower, upper, MARGIN * _smallest(known, logs, found.rest))
+
+
+def text(axis: Axis, found: Proposal) -> str:
+    """For people, with the rule."""
+    system = axis.system
+    numbers = (x.tolist() for x in (found.theta, found.lower, found.upper))
+    rows = list(zip(system.names, system.units, *numbers, strict=True))
+    return "\n".join(
+        (
+            text_table(("parameter", "unit", "least squares", "from", "to"), rows),
+            f"δ: level = {found.delta:.4g} {system.input_unit}",
+            "The rule:",
+            *(f"  {sentence}" for sentence in RULE),
+        )
+    )
+
+
+def _least(term: Term, k: int, estimate: float) -> float:
+    """What no interval goes below."""
+    regressor = term.regressor
+    if isinstance(regressor, OneWay):
+        regressor = regressor.regressor
+    if k == 0:
+        return _LEAST_INERTIA * estimate
+    return 0.0 if isinstance(regressor, Viscous | Coulomb | Sign) else -np.inf
+
+
+def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) -> float:
+    """The smallest constant δ that explains the logs."""
+    level = float(np.sqrt(np.mean(rest**2))) or 1.0
+    unit = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(level))
+    factor = explaining_factor(unit, logs, shared(_KNOTS, logs))
+    require(
+        factor < MOST,
+        f"Argument `recorded`: not even {MOST:g} times the rest of least squares explains it as a "
+        "disturbance; an input, a unit or a sign must be wrong.",
+    )
+    return level * factor

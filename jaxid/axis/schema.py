@@ -1,0 +1,333 @@
+"""The tables of an axis file, each checked entry by entry, and what they stand for."""
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+import jax.numpy as jnp
+import msgspec
+from jaxtyping import Array, Float
+
+from jaxid.io.log_file import Column, Columns
+from jaxid.loop.controllers import ARC, Controller, PDFeedforward
+from jaxid.model.disturbance_bound import ConstantBound, DisturbanceBound, SpeedBand
+from jaxid.model.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Sine, Spring, Viscous
+from jaxid.model.system import System, Term
+from jaxid.motion.limits import Boundary, Limits, Via, acceleration_limit
+
+Coordinate = Literal["linear", "rotary"]
+_LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+_ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+Pair = tuple[float, float]
+Direction = Literal["both", "forward", "backward"]
+
+
+class Table(msgspec.Struct, forbid_unknown_fields=True):
+    """Of a file; a misspelt entry is an error, and so is a number that is not finite."""
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            entry = getattr(self, name)
+            several = tuple(entry.values()) if isinstance(entry, dict) else entry
+            for number in several if isinstance(several, tuple) else (several,):
+                if isinstance(number, float) and not math.isfinite(number):
+                    raise ValueError(f"`{name}` must be finite, but is {entry}")
+
+
+class Kind(Table, tag_field="kind"):
+    """A parameter, and what multiplies it."""
+
+    name: str
+    unit: str
+    interval: Pair
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.name.strip() or set(self.name) & set("/\\"):
+            raise ValueError(
+                f"`name` must be one that a folder may have, too, but is {self.name!r}"
+            )
+
+    def regressor(self) -> Regressor | None:
+        raise NotImplementedError
+
+    def term(self) -> Term:
+        return Term(self.name, self.unit, self.interval, self.regressor())
+
+
+class _Inertia(Kind, tag="inertia"):
+    def regressor(self) -> None:
+        return None
+
+
+class _Constant(Kind, tag="constant"):
+    def regressor(self) -> Regressor:
+        return Constant()
+
+
+class _Spring(Kind, tag="spring"):
+    rest: float = 0.0
+
+    def regressor(self) -> Regressor:
+        return Spring(self.rest)
+
+
+class _Gravity(Kind, tag="gravity"):
+    phase: float = 0.0
+
+    def regressor(self) -> Regressor:
+        return Sine(self.phase)
+
+
+class _Cogging(Kind, tag="cogging", kw_only=True):
+    pitch: float
+    harmonic: int = 1
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.pitch <= 0 or self.harmonic < 1:
+            raise ValueError(
+                "`pitch` must be above zero and `harmonic` 1 or more, but they are "
+                f"{self.pitch:g} and {self.harmonic}"
+            )
+
+    def regressor(self) -> Regressor:
+        return Sine(self.phase, self.pitch / self.harmonic)
+
+
+class _Friction(Kind, kw_only=True):
+    """Of velocity, in both directions or in one."""
+
+    direction: Direction = "both"
+
+    def both(self) -> Regressor:
+        raise NotImplementedError
+
+    def regressor(self) -> Regressor:
+        if self.direction == "both":
+            return self.both()
+        return OneWay(self.both(), self.direction == "forward")
+
+
+class _Viscous(_Friction, tag="viscous"):
+    def both(self) -> Regressor:
+        return Viscous()
+
+
+class _Sign(_Friction, tag="sign"):
+    def both(self) -> Regressor:
+        return Sign()
+
+
+class _Coulomb(_Friction, tag="coulomb", kw_only=True):
+    beta: float
+
+    def both(self) -> Regressor:
+        return Coulomb(self.beta)
+
+
+class _Input(Table):
+    unit: Literal["V", "A", "N", "N m"]
+    gain: float = 1.0
+    delay: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.gain == 0:
+            raise ValueError("`gain` must not be zero")
+        if self.delay < 0:
+            raise ValueError(f"`delay` must be 0 or more, but is {self.delay}")
+
+    def pushed(self, commanded: Pair) -> Pair:
+        """An interval of what is commanded, in the unit of the input."""
+        low, high = sorted(self.gain * end for end in commanded)
+        return low, high
+
+
+class _Servo(Table):
+    period: float
+    resolution: float
+    velocity_error: float = 0.0
+
+
+class _Disturbance(Table):
+    level: float
+    slow: float | None = None
+    threshold: float | None = None
+
+    def bound(self) -> DisturbanceBound:
+        if self.slow is None and self.threshold is None:
+            return ConstantBound(self.level)
+        if self.slow is None or self.threshold is None:
+            raise ValueError("`slow` and `threshold` of the disturbance belong together: give both")
+        return SpeedBand(self.slow, self.level, self.threshold)
+
+
+class _Limits(Table):
+    position: Pair
+    velocity: Pair
+    input: Pair
+    jerk: Pair
+    acceleration: Pair | None = None
+    input_rate: Pair | None = None
+
+    def of(self, system: System, input: _Input) -> Limits:
+        """In the unit of the input."""
+        rate = None if self.input_rate is None else input.pushed(self.input_rate)
+        box = {"position": self.position, "velocity": self.velocity}
+        pushed = input.pushed(self.input)
+        acceleration = self.acceleration
+        if acceleration is None:
+            acceleration = acceleration_limit(system, **box, input=pushed)
+        return Limits(
+            **box, acceleration=acceleration, jerk=self.jerk, input=pushed, input_rate=rate
+        )
+
+
+class _Log(Table):
+    """Units are names, or numbers: SI units per unit of the column."""
+
+    position: Column
+    input: Column
+    time: Column | None = None
+    position_unit: str | float = 1.0
+    time_unit: str | float = 1.0
+    input_unit: float = 1.0
+
+    def columns(self, coordinate: Coordinate, gain: float) -> Columns:
+        """With the input in the unit of the axis."""
+        lengths = _LENGTHS if coordinate == "linear" else _ANGLES
+        position = _unit("position_unit", self.position_unit, lengths)
+        time = _unit("time_unit", self.time_unit, _TIMES)
+        input = gain * _unit("input_unit", self.input_unit, {})
+        return Columns(self.position, self.input, self.time, position, input, time)
+
+
+def _unit(name: str, unit: str | float, named: Mapping[str, float]) -> float:
+    found = named.get(unit) if isinstance(unit, str) else unit
+    if not found:
+        raise ValueError(f"`{name}` must be {', '.join([*named, 'a number'])}, but is {unit!r}")
+    return found
+
+
+class _Law(Table, tag_field="kind"):
+    """Its gains are in the unit in which the terms push."""
+
+    def controller(self, system: System) -> Controller:
+        raise NotImplementedError
+
+
+class _PD(_Law, tag="pd"):
+    kp: float
+    kd: float
+
+    def controller(self, system: System) -> Controller:
+        return PDFeedforward(system, system.centre, self.kp, self.kd)
+
+
+class _ARC(_Law, tag="arc"):
+    k1: float
+    k2: float
+    epsilon: float
+    gamma: dict[str, float] = {}
+
+    def controller(self, system: System) -> Controller:
+        for name in self.gamma:
+            system.index(name)  # refuses what is none
+        gamma = jnp.array([self.gamma.get(name, 0.0) for name in system.names])
+        return ARC(system, self.k1, self.k2, self.epsilon, gamma)
+
+
+class _Via(Table):
+    at: float
+    lower: float | None = None
+    upper: float | None = None
+
+    def via(self) -> Via:
+        low, high = (-math.inf, -math.inf), (math.inf, math.inf)
+        lower = -math.inf if self.lower is None else self.lower
+        upper = math.inf if self.upper is None else self.upper
+        return Via(self.at, (lower, *low), (upper, *high))
+
+
+class _Motion(Table):
+    start: float
+    duration: float
+    knot_period: float
+    end: float | None = None
+    home: float | None = None
+    settle: float = 0.0
+    via: tuple[_Via, ...] = ()
+
+    @property
+    def intervals(self) -> int:
+        """Of constant jerk."""
+        return whole(self.duration, self.knot_period, "the duration")
+
+    @property
+    def waiting(self) -> int:
+        """Intervals between the approach and the motion."""
+        if self.settle < 0:
+            raise ValueError(f"`settle` must be 0 s or more, but is {self.settle:g} s")
+        return whole(self.settle, self.knot_period, "`settle`") if self.settle else 0
+
+    def boundary(self) -> Boundary:
+        """From rest to rest, which may be anywhere."""
+        low, high = (-math.inf, math.inf) if self.end is None else (self.end, self.end)
+        rest = Via(1.0, (low, 0.0, 0.0), (high, 0.0, 0.0))
+        return Boundary((self.start, 0.0, 0.0), (*(via.via() for via in self.via), rest))
+
+
+def whole(time: float, period: float, name: str) -> int:
+    """How many knot periods a time lasts.
+
+    Raises:
+        ValueError: if these are not a whole number, one or more.
+    """
+    count = time / period if period > 0 else 0.0
+    if count < 1 or abs(count - round(count)) > 1e-6:
+        raise ValueError(f"`knot_period` must divide {name} {time:g} s, but is {period:g} s")
+    return round(count)
+
+
+class AxisTables(Table, kw_only=True):
+    """A whole file."""
+
+    coordinate: Coordinate
+    input: _Input
+    servo: _Servo
+    limits: _Limits
+    motion: _Motion
+    terms: tuple[
+        _Inertia | _Viscous | _Coulomb | _Sign | _Constant | _Spring | _Gravity | _Cogging,
+        ...,
+    ] = ()
+    disturbance: _Disturbance | None = None
+    python: str | None = None
+    wanted: dict[str, float] = {}
+    log: _Log | None = None
+    controller: _PD | _ARC | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        said = bool(self.terms), self.disturbance is not None
+        if said != ((self.python is None),) * 2:
+            raise ValueError(
+                "what the axis is must be said once: by `terms` and `disturbance`, or by `python`"
+            )
+
+    def system(self) -> System:
+        """Of the built-in terms."""
+        assert self.disturbance is not None
+        terms = tuple(kind.term() for kind in self.terms)
+        return System(terms, self.disturbance.bound(), self.input.unit, self.coordinate)
+
+    def targets(self, system: System) -> Float[Array, " m"]:
+        """The errors that are wanted; inf where none is."""
+        for name, error in self.wanted.items():
+            system.index(name)  # refuses what is none
+            if error <= 0:
+                raise ValueError(f"`wanted` of {name} must be above zero, but is {error:g}")
+        return jnp.array([self.wanted.get(name, math.inf) for name in system.names])

@@ -1,0 +1,1 @@
+"""Optimal experiment design: criteria of a motion, and the motion that minimises them."""

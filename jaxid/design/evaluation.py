@@ -1,0 +1,56 @@
+"""What a design is worth, parameter by parameter, and how much better any other could be."""
+
+from typing import NamedTuple
+
+from jaxtyping import Array, Float
+
+from jaxid._checks import require
+from jaxid.design.criteria import planned_error
+from jaxid.design.nominal_log import Servo, foreseen
+from jaxid.identification.intervals import identify_log
+from jaxid.model.system import System
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.lower_bound import Floor
+
+
+class Appraisal(NamedTuple):
+    """Of one motion, shape (m,) each, in the units of the parameters.
+
+    Attributes:
+        error: J of (16), by least squares of exact signals.
+        guaranteed: what the log can be expected to prove, servo, encoder and prior box included:
+            that of an undisturbed axis in the middle of its box that follows the motion. What the
+            log of another one proves, `identify_log` says; it may be a little more or less.
+        floor: what no motion within the limits and no estimator can promise to go below.
+        estimated: parameters whose floor is an estimate.
+    """
+
+    error: Float[Array, " m"]
+    guaranteed: Float[Array, " m"]
+    floor: Float[Array, " m"]
+    estimated: tuple[str, ...]
+
+    @property
+    def gap(self) -> Float[Array, " m"]:
+        """By how much of the floor the guaranteed error is above it."""
+        return self.guaranteed / self.floor - 1
+
+
+def appraise(system: System, trajectory: JerkTrajectory, servo: Servo, least: Floor) -> Appraisal:
+    """Appraise a motion before it is run.
+
+    Args:
+        system: with the prior box.
+        trajectory: the motion.
+        servo: what runs it and keeps its log.
+        least: `floor` of the system under its limits, of every parameter.
+    """
+    names = system.names
+    require(
+        least.value.shape == (len(names),),
+        f"Argument `least` must be the floor of the parameters {', '.join(names)} themselves, one "
+        f"number each, but has {least.value.size}.",
+    )
+    found = identify_log(system, foreseen(system, trajectory, servo)).estimate
+    error = planned_error(system, trajectory)
+    return Appraisal(error, found.half_length, least.value, least.estimated)

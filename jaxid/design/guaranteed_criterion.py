@@ -1,0 +1,157 @@
+"""What a motion can be expected to guarantee, as an objective: encoder and servo included.
+
+The weights are the best ones for the log that the motion foresees, found by linear programs outside
+of JAX. By the envelope theorem the slope of the least error is that of its Lagrangian with weights
+and multipliers held fixed, so none of that needs a derivative.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.lax import stop_gradient
+from jaxtyping import Array, Float
+
+from jaxid._checks import is_concrete, require
+from jaxid._types import Scalar
+from jaxid.design.nominal_log import Foresight, Servo, foreseen
+from jaxid.identification.intervals import identify_log, narrowed
+from jaxid.identification.modulating_functions import optimal
+from jaxid.identification.regression_rows import Logged, hats
+from jaxid.identification.state_bounds import Brackets, brackets
+from jaxid.model.disturbance_bound import Cautious
+from jaxid.model.interval_arithmetic import Range
+from jaxid.model.system import System, softened
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.worst_case import affine_worst_case_error, bias
+
+# of the largest relative error, in units of smoothing: were it as sharp as the jumps of δ, a polish
+# would stall where two parameters tie
+_CORNER = 30.0
+
+
+class GuaranteedError(eqx.Module):
+    """The log of the largest guaranteed error, each parameter's relative to its own target.
+
+    Attributes:
+        system: with the prior box.
+        narrow: the system with the box that the log is expected to leave, for its brackets. Its δ
+            may be a `Cautious` one, so that no jump of it is relied upon.
+        foresight: of the log.
+        targets: of the m parameters, in their units; inf leaves one out.
+        speed: m/s or rad/s, over which jumps are spread at smoothing 1.
+        largest: of the relative errors; or else their sum, so that 1/targets are weights.
+        knots: of the modulating functions.
+    """
+
+    system: System
+    narrow: System
+    foresight: Foresight
+    targets: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
+    speed: Scalar = eqx.field(converter=jnp.asarray)
+    largest: bool = eqx.field(static=True, default=True)
+    knots: int = eqx.field(static=True, default=150)
+
+    def __check_init__(self) -> None:
+        require_targets(self.system, self.targets)
+
+    def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
+        """With jumps spread and the largest rounded upwards; without smoothing neither is."""
+        errors = self.errors(trajectory, smoothing)
+        if not self.largest:
+            return jnp.log(jnp.sum(errors / self.targets))
+        logs = jnp.log(errors) - jnp.log(self.targets)  # not of 0, whose log has no slope
+        corner = jnp.where(smoothing > 0, _CORNER * smoothing, 1.0)
+        rounded = corner * jax.scipy.special.logsumexp(logs / corner)
+        return jnp.where(smoothing > 0, rounded, jnp.max(logs))
+
+    def errors(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " m"]:
+        """Of each parameter, with the slope of the least ones.
+
+        Without smoothing exactly what `identify_log` proves from the foreseen log, as far as
+        `narrow` is what that log leaves, with its own δ, and the knots are the same.
+        """
+        logged = self._logged(trajectory, smoothing)
+        half_widths = self.system.half_widths
+        weights, dual = self._weights(stop_gradient(logged))
+        rows = logged.record.rows
+        slope = (
+            jnp.abs(weights) @ rows.delta
+            + logged.shared(weights)
+            + jnp.sum(dual * bias(weights, rows), axis=1)
+        )
+        exact = affine_worst_case_error(weights, rows, half_widths) + logged.shared(weights)
+        return stop_gradient(exact - slope) + slope
+
+    def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Logged:
+        log, states = self.foresight(trajectory)
+        found = stop_gradient(brackets(self.narrow, stop_gradient(log)))
+
+        def moved(x: Range, middle: Float[Array, " n"]) -> Range:
+            """A range that goes along with what it is about."""
+            shift = middle - stop_gradient(middle)
+            return Range(x.lower + shift, x.upper + shift)
+
+        y, v, a = map(moved, found[:3], states)
+        found = Brackets(y, v, a, found.reading)
+        step = jnp.abs(states.acceleration) * log.period / 2
+        blend = jnp.where(smoothing > 0, smoothing * self.speed + step, 0.0)
+        return hats(softened(self.narrow, blend), log, found)
+
+    def _weights(self, logged: Logged) -> tuple[Float[Array, "m n"], Float[Array, "m m"]]:
+        rows = logged.record.rows
+        m, n = len(rows.columns), rows.delta.size
+        shapes = (
+            jax.ShapeDtypeStruct((m, n), rows.delta.dtype),
+            jax.ShapeDtypeStruct((m, m), rows.delta.dtype),
+        )
+        noise = logged.channels["quantised ÿ"].bound
+        box = self.system.half_widths
+
+        def solve(*arrays: Any) -> tuple[np.ndarray, np.ndarray]:
+            phi, delta, noise, box = map(np.asarray, arrays)
+            return optimal(phi, delta, noise, box, np.eye(m), self.knots)
+
+        return jax.pure_callback(solve, shapes, rows.regressors, rows.delta, noise, box)
+
+
+def require_targets(system: System, targets: Float[Array, "..."]) -> None:
+    """Refuse what no error can be compared with."""
+    if not is_concrete(targets):
+        return
+    right = jnp.shape(targets) == (len(system.names),)
+    right = right and bool(jnp.all(targets > 0) & jnp.any(jnp.isfinite(targets)))
+    require(
+        right,
+        f"Argument `targets` must be {len(system.names)} positive numbers, one per parameter, at "
+        f"least one of them finite, but is {jnp.asarray(targets).tolist()}.",
+    )
+
+
+def expected_error(
+    system: System,
+    targets: Float[Array, " m"],
+    trajectory: JerkTrajectory,
+    servo: Servo,
+    speed: Scalar,
+    *,
+    largest: bool = True,
+) -> GuaranteedError:
+    """The guaranteed error of motions near to one, whose log says how well the axis will be known.
+
+    Args:
+        system: with the prior box.
+        targets: of the m parameters, in their units; inf leaves one out.
+        trajectory: the motion.
+        servo: what runs it.
+        speed: m/s or rad/s, over which jumps are spread at smoothing 1.
+        largest: of the relative errors; or else their sum.
+    """
+    narrow = narrowed(system, identify_log(system, foreseen(system, trajectory, servo)).estimate)
+    if servo.velocity_error:
+        cautious = Cautious(system.disturbance_bound, servo.velocity_error)
+        narrow = eqx.tree_at(lambda s: s.disturbance_bound, narrow, cautious)
+    foresight = servo.foresight(system, trajectory)
+    return GuaranteedError(system, narrow, foresight, targets, speed, largest)

@@ -1,0 +1,129 @@
+"""The log that a motion can be expected to leave, before it is run: what designs are made for.
+
+An axis in the middle of its box, undisturbed, stands for all of them: the weights that guarantee
+most hardly depend on where in the box the axis is, or on what disturbs it.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from jaxid._checks import require, require_at_least_zero, require_positive
+from jaxid._types import Scalar, dot
+from jaxid.loop.closed_loop import Loop
+from jaxid.loop.controllers import Controller
+from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.log import Log
+from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.simulate import Plant
+from jaxid.model.system import System
+from jaxid.motion.trajectory import JerkTrajectory, States, ticks
+
+
+class Foresight(eqx.Module):
+    """A log, as a differentiable function of the motion that leaves it."""
+
+    @abc.abstractmethod
+    def __call__(self, trajectory: JerkTrajectory) -> tuple[Log, States]:
+        """The log, its positions exact, and the states of the axis half-way through each tick."""
+
+
+class Following(Foresight):
+    """Of an axis that follows its reference exactly.
+
+    Attributes:
+        system: for the middle of its box.
+        period: of the servo, s.
+        resolution: of the encoder, m or rad.
+        count: of ticks.
+    """
+
+    system: System
+    period: Scalar = eqx.field(converter=jnp.asarray)
+    resolution: Scalar = eqx.field(converter=jnp.asarray)
+    count: int = eqx.field(static=True)
+
+    def __call__(self, trajectory: JerkTrajectory) -> tuple[Log, States]:
+        h = self.period
+        position = trajectory.states(jnp.arange(self.count + 1) * h).position
+        states = trajectory.states((jnp.arange(self.count) + 0.5) * h)
+        input = dot(self.system.regressors(*states), self.system.centre)
+        return Log(input, position, h, self.resolution), states
+
+
+class Controlled(Foresight):
+    """Of an axis in a closed loop.
+
+    Attributes:
+        loop: with an `IdealSensor`, since steps of an encoder have no slope.
+        plant: in the middle of its box.
+        resolution: of the encoder that the log is kept with, m or rad.
+    """
+
+    loop: Loop
+    plant: Plant
+    resolution: Scalar = eqx.field(converter=jnp.asarray)
+
+    def __call__(self, trajectory: JerkTrajectory) -> tuple[Log, States]:
+        record, signals = self.loop(self.plant, trajectory)
+        ends = signals.position, signals.velocity
+        position, velocity = (x[:: self.loop.substeps] for x in ends)
+        y, v = ((x[:-1] + x[1:]) / 2 for x in (position, velocity))
+        log = Log(signals.input, position, self.loop.period, self.resolution)
+        return log, States(y, v, record.rows.columns[0])
+
+
+class Servo(NamedTuple):
+    """What runs a motion and keeps its log.
+
+    Attributes:
+        period: s; it divides the duration of a motion.
+        resolution: of the encoder, m or rad.
+        controller: whose closed loop is expected; without one, that the axis follows exactly.
+        velocity_error: of the axis, m/s or rad/s, that a design counts with where δ jumps. What is
+            foreseen of a motion is foreseen without it.
+    """
+
+    period: float
+    resolution: float
+    controller: Controller | None = None
+    velocity_error: float = 0.0
+
+    def foresight(self, system: System, trajectory: JerkTrajectory) -> Foresight:
+        """For motions as long as this one.
+
+        Raises:
+            ValueError: if the period does not divide the duration into two ticks or more, or a
+                number is negative or not finite.
+        """
+        for name in ("resolution", "velocity_error"):
+            require_at_least_zero(name, "a servo", getattr(self, name))
+        require_positive("period", "a servo", self.period)
+        count = ticks(trajectory, self.period)
+        require(
+            count >= 2,
+            f"Argument `period` of a servo must be half of the motion's duration, or less, but is "
+            f"{self.period:g} s for {float(trajectory.duration):g} s.",
+        )
+        if self.controller is None:
+            return Following(system, self.period, self.resolution, count)
+        loop = Loop(self.controller, IdealSensor(), self.period, count)
+        return Controlled(loop, Plant(system, system.centre, NoDisturbance()), self.resolution)
+
+
+def foreseen(system: System, trajectory: JerkTrajectory, servo: Servo) -> Log:
+    """The log of an axis in the middle of its box; what it guarantees can be expected of others.
+
+    Args:
+        system: with the prior box.
+        trajectory: the motion.
+        servo: what runs it.
+    """
+    return _log(servo.foresight(system, trajectory), trajectory)
+
+
+@eqx.filter_jit
+def _log(foresight: Foresight, trajectory: JerkTrajectory) -> Log:
+    return foresight(trajectory)[0]

@@ -1,0 +1,1 @@
+"""From recorded logs to guaranteed parameter intervals, or to a proof of inconsistency."""

@@ -1,0 +1,78 @@
+"""Several logs of one axis as the rows of one: what they prove together.
+
+Between two logs stand rows that say nothing, as many as the longest stencil reaches, so that no
+error of the one's encoder meets one of the other's.
+"""
+
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxid._checks import require
+from jaxid.identification.regression_rows import Channel, Logged, hats
+from jaxid.identification.state_bounds import brackets
+from jaxid.loop.log import Log
+from jaxid.loop.record import Record, Rows
+from jaxid.model.system import System
+
+_BETWEEN = 2  # rows: a second difference reaches two further than the weights
+
+
+def read_together(system: System, logs: Sequence[Log]) -> Logged:
+    """Several logs of one axis as rows on hats, each with its own brackets.
+
+    Args:
+        system: its box and δ.
+        logs: whose periods and encoders may differ.
+
+    Raises:
+        ValueError: if no plant of the system can have left one of them.
+    """
+    return joined([hats(system, log, brackets(system, log)) for log in logs])
+
+
+def joined(parts: Sequence[Logged]) -> Logged:
+    """All parts, one after the other.
+
+    Args:
+        parts: made in the same way, with the same system.
+
+    Raises:
+        ValueError: if there are none, or they were not.
+    """
+    require(len(parts) > 0, "Argument `parts` must have one log at least, but is empty.")
+    first, records = parts[0], [part.record for part in parts]
+    for part in parts[1:]:
+        require(
+            bool(eqx.tree_equal(part.system, first.system))
+            and part.channels.keys() == first.channels.keys(),
+            "Argument `parts` must be rows of one kind, made with the same system and box, but "
+            "they differ.",
+        )
+    if len(parts) == 1:
+        return first
+
+    def all_of(get: Callable[[Record], Float[Array, "_"]], between: float) -> Float[Array, "_"]:
+        return _spaced([get(record) for record in records], _BETWEEN, between)
+
+    columns = tuple(
+        all_of(lambda r, j=j: r.rows.columns[j], 0.0) for j in range(len(first.system.names))
+    )
+    # their δ must not be zero: weights are sought in units of it
+    rows = Rows(columns, all_of(lambda r: r.rows.delta, 1.0), all_of(lambda r: r.rows.measure, 0.0))
+    channels = {name: _channel([part.channels[name] for part in parts]) for name in first.channels}
+    return Logged(first.system, Record(rows, all_of(lambda r: r.input, 0.0), None), channels)
+
+
+def _channel(parts: Sequence[Channel]) -> Channel:
+    reach = parts[0].stencil.size - 1  # entries that there are more than rows
+    return Channel(parts[0].stencil, _spaced([part.bound for part in parts], _BETWEEN - reach, 0.0))
+
+
+def _spaced(parts: Sequence[Float[Array, "_"]], count: int, value: float) -> Float[Array, "_"]:
+    """One after the other, with some entries between any two of them."""
+    between = jnp.full(count, value)
+    spaced = [x for part in parts for x in (between, part)]
+    return jnp.concatenate(spaced[1:])

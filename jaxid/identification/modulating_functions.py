@@ -1,0 +1,214 @@
+"""Optimal modulating functions: the weights on hats with the least guaranteed error of a log.
+
+For one parameter, or any functional c of θ, minimise over g
+
+    Σ_k |g_k| δ_k + Σ channels + Σ_j b_j |c − Φᵀg|_j,
+
+a linear program. The bandwidth of a filter is a trade-off between disturbance and noise; here the
+program makes it, instant by instant. To keep it small g is piecewise linear between knots some
+ticks apart, so that its second differences, which turn into noise of ÿ, live at the knots. Whatever
+it returns, `guaranteed` says what it is worth.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy import sparse
+from scipy.optimize import OptimizeResult, linprog
+
+from jaxid._checks import require
+from jaxid.identification.regression_rows import Logged
+from jaxid.regression.worst_case import Norm
+
+Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
+Knots = int | tuple[int, ...] | None  # of each log, at most: one number for all, or all its rows
+KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
+
+
+def modulating(
+    logged: Logged, box: Float[Array, " m"], norm: Norm | None = None, knots: Knots = KNOTS
+) -> Float[Array, "k n"]:
+    """Weights on the rows of `hats`, one row of them per functional.
+
+    Args:
+        logged: by `hats`.
+        box: b, half the widths of the prior box, in the units of the parameters.
+        norm: the functionals; without one, the m parameters themselves.
+        knots: at most, of each log.
+    """
+    rows, half_widths = logged.record.rows, np.asarray(box)
+    functionals = np.eye(half_widths.size) if norm is None else np.asarray(norm.functionals)
+    phi, delta = np.asarray(rows.regressors), np.asarray(rows.delta)
+    noise = np.asarray(logged.channels["quantised ÿ"].bound)
+    runs = pieces(rows.measure)
+    return jnp.asarray(optimal(phi, delta, noise, half_widths, functionals, knots, runs)[0])
+
+
+def pieces(measure: Float[Array, " n"]) -> Pieces:
+    """The rows of each log: what padding parts."""
+    counted = np.pad(np.asarray(measure) > 0, 1).astype(int)
+    starts, stops = (np.flatnonzero(np.diff(counted) == sign) for sign in (1, -1))
+    return tuple(zip(starts.tolist(), stops.tolist(), strict=True))
+
+
+def optimal(
+    phi: Float[np.ndarray, "n m"],
+    delta: Float[np.ndarray, " n"],
+    noise: Float[np.ndarray, " samples"],
+    half_widths: Float[np.ndarray, " m"],
+    functionals: Float[np.ndarray, "k m"],
+    knots: Knots,
+    runs: Pieces | None = None,
+) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k m"]]:
+    """Weights, and the multipliers ν of c − Φᵀg: what a change of Φ costs is −gν.
+
+    Args:
+        phi: regressors of the rows.
+        delta: of the rows.
+        noise: bounds of what second differences of the weights are multiplied by.
+        half_widths: of the prior box.
+        functionals: c.
+        knots: at most, of each log.
+        runs: the rows of each log; default all rows of one.
+    """
+    program = Program(phi, delta, noise, half_widths, knots, runs)
+    found = [program.least(c) for c in functionals]
+    weights, multipliers = zip(*found, strict=True)
+    return np.stack(weights), np.stack(multipliers)
+
+
+class Program:
+    """The linear program of a log, in units of δ and of the prior; absolute values are slacks."""
+
+    def __init__(
+        self,
+        phi: Float[np.ndarray, "n m"],
+        delta: Float[np.ndarray, " n"],
+        noise: Float[np.ndarray, " samples"],
+        half_widths: Float[np.ndarray, " m"],
+        knots: Knots,
+        runs: Pieces | None = None,
+    ) -> None:
+        """The arguments are those of `optimal`."""
+        whole = ((0, delta.size),)
+        self.basis, kinks, second = _family(delta.size, whole if runs is None else runs, knots)
+        self.half_widths = half_widths
+        self.delta = delta @ self.basis
+        self.moments = half_widths[:, None] * (phi.T @ self.basis) / self.delta
+        noisy = noise[kinks] != 0
+        in_units = sparse.diags_array(noise[kinks][noisy]), sparse.diags_array(1 / self.delta)
+        self.spread = in_units[0] @ second[noisy] @ in_units[1]
+
+    def least(
+        self, functional: Float[np.ndarray, " m"], misfit: Float[np.ndarray, " n"] | None = None
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " m"]]:
+        """The weights of the least guaranteed error of cᵀθ, or of the least upper end for it.
+
+        Args:
+            functional: c.
+            misfit: u − Φ·centre, for the upper end: its mean gᵀ(u − Φ·centre) counts as well.
+
+        Returns:
+            g and the multipliers of c − Φᵀg; no weights where the program has no solution: the
+            prior remains.
+        """
+        unit = np.abs(functional) @ self.half_widths
+        tilt = np.zeros_like(self.delta) if misfit is None else misfit @ self.basis / self.delta
+        solution = self._solved(1.0, tilt, self.half_widths * functional / unit)
+        if solution.x is None:
+            return np.zeros(self.basis.shape[0]), self.half_widths * np.sign(functional)
+        return unit * self._weights(solution.x), self.half_widths * solution.eqlin.marginals
+
+    def contradicting(self, misfit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """The weights that ask for the largest δ, Σ|g|δ ≤ 1; none where the solver gives up."""
+        tilt = misfit @ self.basis / self.delta
+        solution = self._solved(0.0, tilt, np.zeros_like(self.half_widths), most=1.0)
+        if solution.x is None:  # of data far out of scale: then nothing is contradicted
+            return np.zeros(self.basis.shape[0])
+        return self._weights(solution.x)
+
+    def _solved(
+        self,
+        price: float,
+        tilt: Float[np.ndarray, " knots"],
+        target: Float[np.ndarray, " m"],
+        most: float | None = None,
+    ) -> OptimizeResult:
+        """Min price·Σ|x| + xᵀtilt + Σ|S x| + Σ|target − moments·x|, with Σ|x| ≤ most."""
+        (m, count), noisy = self.moments.shape, self.spread.shape[0]
+        bias = np.hstack([np.zeros((m, noisy)), np.eye(m), -np.eye(m)])
+        free = sparse.hstack([-sparse.eye_array(noisy), sparse.csr_array((noisy, 2 * m))])
+        above = [
+            sparse.hstack([self.spread, -self.spread, free]),
+            sparse.hstack([-self.spread, self.spread, free]),
+        ]
+        limit = np.zeros(2 * noisy)
+        if most is not None:
+            above.append(sparse.csr_array(np.arange(2 * count + noisy + 2 * m)[None] < 2 * count))
+            limit = np.append(limit, most)
+        # a sparse A_ub is welcome there, whatever its stub says
+        return linprog(  # pyright: ignore[reportCallIssue]
+            np.concatenate([price + tilt, price - tilt, np.ones(noisy + 2 * m)]),
+            A_ub=sparse.vstack(above),  # pyright: ignore[reportArgumentType]
+            b_ub=limit,
+            A_eq=np.hstack([self.moments, -self.moments, bias]),
+            b_eq=target,
+            method="highs",
+        )
+
+    def _weights(self, x: Float[np.ndarray, " variables"]) -> Float[np.ndarray, " n"]:
+        count = self.delta.size
+        return self.basis @ ((x[:count] - x[count : 2 * count]) / self.delta)
+
+
+class _Family(NamedTuple):
+    """Piecewise linear weights: hat functions of coarse knots, zero outside of each log.
+
+    Attributes:
+        basis: on the rows, which are the samples 1 … size; n × knots.
+        kinks: the samples, from 0 on and with two beyond the rows, where any of them turns.
+        second: their second differences there; kinks × knots.
+    """
+
+    basis: sparse.csr_array
+    kinks: Int[np.ndarray, " kinks"]
+    second: sparse.csr_array
+
+
+@functools.lru_cache(maxsize=4)
+def _family(size: int, runs: Pieces, knots: Knots) -> _Family:
+    each = knots if isinstance(knots, tuple) else (size if knots is None else knots,) * len(runs)
+    require(
+        len(each) == len(runs),
+        f"Argument `knots` must be one number, or one for each of {len(runs)} logs, but has "
+        f"{len(each)}.",
+    )
+    blocks = [
+        _hats(start, stop - start, size, most)
+        for (start, stop), most in zip(runs, each, strict=True)
+    ]
+    # where no row counts, there are no weights
+    basis = sparse.csr_array(sparse.hstack([sparse.csr_array((size, 0)), *blocks]))
+    turning = sparse.diags_array([1.0, -2.0, 1.0], offsets=[0, -1, -2], shape=(size + 2, size))
+    second = sparse.csr_array(turning @ basis)
+    second.data[np.abs(second.data) < 1e-12] = 0.0
+    second.eliminate_zeros()
+    kinks = np.flatnonzero(np.diff(second.indptr))
+    return _Family(basis, kinks, second[kinks])
+
+
+def _hats(start: int, count: int, size: int, most: int) -> sparse.csr_array:
+    """Of the knots of one log, whose rows begin at `start`."""
+    at = np.unique(np.linspace(0, count + 1, min(most, count) + 2).round())
+    samples = np.arange(1, count + 1)
+    left = np.searchsorted(at, samples, side="right") - 1  # the knot at or before
+    share = (samples - at[left]) / (at[left + 1] - at[left])
+    rows = np.concatenate([samples, samples]) - 1 + start
+    knots = np.concatenate([left, left + 1]) - 1  # neither end has a hat
+    values = np.concatenate([1 - share, share])
+    inside = (knots >= 0) & (knots < len(at) - 2) & (values != 0)
+    entries = values[inside], (rows[inside], knots[inside])
+    return sparse.csr_array(entries, shape=(size, len(at) - 2))

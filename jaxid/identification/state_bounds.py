@@ -1,0 +1,228 @@
+"""What a log proves of the motion behind it: brackets from (1) alone.
+
+All of this is interval arithmetic on the plant equation with θ in the box and |Δ| ≤ δ, on the
+known inputs, and on positions that are known to half a count. Nothing is assumed of the motion: the
+limits of a reference say nothing about what the axis did.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jaxid._checks import is_concrete, require, require_float64
+from jaxid._types import Scalar
+from jaxid.loop.log import ContradictionError, Log
+from jaxid.model.interval_arithmetic import (
+    Range,
+    around,
+    common,
+    exactly,
+    hull,
+    minus,
+    plus,
+    scaled,
+    size,
+    times,
+)
+from jaxid.model.system import System
+
+_WINDOW = 12  # ticks: positions farther apart say less about a velocity than nearer ones
+_PASSES = 4  # of velocity from acceleration and acceleration from velocity
+
+
+class Brackets(NamedTuple):
+    """What the axis did during each of n ticks, at any instant of it.
+
+    Attributes:
+        position: shape (n,), as the next two.
+        velocity: likewise.
+        acceleration: likewise.
+        reading: |position read − true one| at most at the n + 1 samples.
+    """
+
+    position: Range
+    velocity: Range
+    acceleration: Range
+    reading: Float[Array, " samples"]
+
+
+def brackets(system: System, log: Log) -> Brackets:
+    """Position, velocity and acceleration of every plant of the system that leaves this log.
+
+    Args:
+        system: its box and δ; a box that was narrowed by the same log is as good.
+        log: of at least two ticks.
+
+    Raises:
+        ContradictionError: if no plant of the system can have left this log.
+        ValueError: if its period is too long for any bracket.
+    """
+    require_float64("log", log)
+    found = _brackets(system, log)
+    if is_concrete(found):
+        require(
+            bool(jnp.all(jnp.isfinite(found.velocity.upper))),
+            f"Argument `log`: its period of {float(log.period):g} s is too long to bound a "
+            "velocity from the box: the axis could accelerate without limit within a tick.",
+        )
+        room = jnp.where(log.took_place(), found.velocity.upper - found.velocity.lower, jnp.inf)
+        tick = int(jnp.argmin(room))
+        require(
+            float(room[tick]) >= 0,
+            "Argument `log`: no plant within the box and δ can have left it; its positions and "
+            f"inputs contradict each other around tick {tick}.",
+            ContradictionError,
+        )
+    return found
+
+
+@eqx.filter_jit
+def _brackets(system: System, log: Log) -> Brackets:
+    h, known = log.period, log.took_place()
+    mean = jnp.diff(log.position) / h
+    speed = _top_speed(system, log, mean)
+    reading = log.reading_error(jnp.broadcast_to(speed, log.position.shape))
+    position, acceleration = _within(system, log, around(speed), reading)
+    # in every tick the velocity is once the mean one
+    reach = (reading[:-1] + reading[1:]) / h + h * size(acceleration).upper
+    velocity = _chosen(known, Range(mean - reach, mean + reach), around(speed))
+    unread = jnp.where(jnp.append(True, known), 0.0, jnp.inf)
+
+    def narrower(_: Any, found: Brackets) -> Brackets:
+        """With what velocities and accelerations say of each other."""
+        velocity = found.velocity
+        reading = log.reading_error(_around_samples(size(velocity).upper, speed))
+        position, acceleration = _within(system, log, velocity, reading)
+        windows = _from_windows(log, acceleration, reading + unread)
+        at_samples = _swept(windows, acceleration, h)
+        common_to_both = common(velocity, _between(at_samples, acceleration, h))
+        velocity = _chosen(known, common_to_both, velocity)
+        return Brackets(position, velocity, acceleration, reading)
+
+    # a loop and not four copies, which compile four times as long
+    first = Brackets(position, velocity, acceleration, reading)
+    return jax.lax.fori_loop(0, _PASSES, narrower, first)
+
+
+def _chosen(which: Bool[Array, " n"], one: Range, other: Range) -> Range:
+    return Range(*(jnp.where(which, x, y) for x, y in zip(one, other, strict=True)))
+
+
+def _around_samples(speed: Float[Array, " n"], top: Scalar) -> Float[Array, " samples"]:
+    """The higher of the ticks before and after each sample; at both ends the top speed."""
+    inner = jnp.maximum(speed[:-1], speed[1:])
+    return jnp.concatenate([top[None], inner, top[None]])
+
+
+def _top_speed(system: System, log: Log, mean: Float[Array, " n"]) -> Scalar:
+    """A V that the speed stays below, as long as jitter around the log; inf if none is found.
+
+    Between two readings there is an instant with the mean velocity. As long as |ẏ| ≤ V from there
+    on, |ÿ| is at most A(V), so |ẏ| at most mean + h·A(V): if that is below V, V is never reached.
+    With jitter there may be less time between two readings, and more until the next tick ends.
+    """
+    h, jitter = log.period, log.jitter
+    still = jnp.zeros(log.position.shape)
+    most = jnp.max(jnp.abs(mean)) + 2 * jnp.max(log.reading_error(still)) / h
+    most = most * (h / (h - 2 * jitter))
+
+    def next_speed(speed: Scalar) -> Scalar:
+        reading = log.reading_error(jnp.broadcast_to(speed, log.position.shape))
+        acceleration = _within(system, log, around(speed), reading)[1]
+        return most + (h + 4 * jitter) * jnp.max(size(acceleration).upper)
+
+    speed = 1.01 * jax.lax.fori_loop(0, 30, lambda _, speed: next_speed(speed), most)
+    return jnp.where(next_speed(speed) < speed, speed, jnp.inf)
+
+
+def _within(
+    system: System, log: Log, velocity: Range, reading: Float[Array, " samples"]
+) -> tuple[Range, Range]:
+    """Position and acceleration during each tick, from the velocity; ÿ from (1)."""
+    first, last = log.position[:-1], log.position[1:]
+    velocity = jax.tree.map(lambda x: jnp.broadcast_to(x, first.shape), velocity)
+    far = log.period * size(velocity).upper / 2  # from the nearer end
+    reach = jnp.maximum(reading[:-1], reading[1:]) + far
+    position = plus(hull(exactly(first), exactly(last)), around(reach))
+    return position, accelerations(system, log.acting(), position, velocity)
+
+
+def accelerations(system: System, input: Range, position: Range, velocity: Range) -> Range:
+    """ÿ of (1) for all θ in the box, all |Δ| ≤ δ and all such inputs."""
+    box = [Range(*term.interval) for term in system.terms]
+    forces = system.force_ranges(position, velocity)
+    delta = system.disturbance_bound.range(position, velocity).upper
+    taken = [times(theta, force) for theta, force in zip(box[1:], forces, strict=True)]
+    load = minus(input, plus(*taken, around(delta)))
+    return times(load, Range(1 / box[0].upper, 1 / box[0].lower))
+
+
+def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples"]) -> Range:
+    """Velocities at the n + 1 samples from mean ones over windows of many lengths.
+
+    Over the p ticks after t_k the mean velocity is v_k + h·Σ_i (p − i − ½)/p·a_{k+i} with each a
+    somewhere in its range, and so on for the p ticks before it and for both together.
+    """
+    h, y, count = log.period, log.position, log.position.size
+    found = Range(jnp.full(count, -jnp.inf), jnp.full(count, jnp.inf))
+    both = zip(_gains(acceleration, count, 1), _gains(acceleration, count, -1), strict=True)
+    for p, (after, before) in enumerate(both, start=1):
+        later, sooner = _shifted(y, p, count, 0.0), _shifted(y, -p, count, 0.0)
+        past, future = (_shifted(reading, by, count, 0.0) for by in (-p, p))
+        gained = minus(scaled(h / 2, before), scaled(h / 2, after))
+        for mean, error, moved in (
+            ((later - y) / (p * h), (future + reading) / (p * h), scaled(-h, after)),
+            ((y - sooner) / (p * h), (reading + past) / (p * h), scaled(h, before)),
+            ((later - sooner) / (2 * p * h), (future + past) / (2 * p * h), gained),
+        ):
+            found = common(found, plus(exactly(mean), plus(around(error), moved)))
+    return found
+
+
+def _gains(acceleration: Range, count: int, side: int) -> Iterator[Range]:
+    """Σ_i (p − i − ½)/p·a_i over the p ticks after (side 1) or before (−1) each sample, by p."""
+    total = gain = exactly(jnp.zeros(count))
+    for p in range(1, _WINDOW + 1):
+        by = p - 1 if side > 0 else -p
+        newest = Range(
+            _shifted(acceleration.lower, by, count, -jnp.inf),
+            _shifted(acceleration.upper, by, count, jnp.inf),
+        )
+        gain = plus(gain, total, scaled(0.5, newest))
+        total = plus(total, newest)
+        yield scaled(1 / p, gain)
+
+
+def _shifted(x: Float[Array, " k"], by: int, count: int, beyond: float) -> Float[Array, " count"]:
+    """x_{l+by} for l = 0 … count − 1."""
+    before = min(max(-by, 0), count)
+    inside = x[max(by, 0) : max(count + by, 0)]
+    after = count - before - inside.size
+    return jnp.pad(inside, (before, after), constant_values=beyond)
+
+
+def _swept(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
+    """What each sample's velocity and the accelerations since or until then say of all others."""
+    after = _swept_forward(at_samples, acceleration, h)
+    backward = jax.tree.map(lambda x: jnp.flip(-x), Range(acceleration.upper, acceleration.lower))
+    return jax.tree.map(jnp.flip, _swept_forward(jax.tree.map(jnp.flip, after), backward, h))
+
+
+def _swept_forward(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
+    """The lowest of all v_j + h·Σ a from j on, and so on."""
+    fallen, risen = (jnp.append(0.0, jnp.cumsum(x * h)) for x in acceleration)
+    return Range(
+        fallen + jax.lax.cummax(at_samples.lower - fallen),
+        risen + jax.lax.cummin(at_samples.upper - risen),
+    )
+
+
+def _between(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
+    """During each tick: ẏ leaves the chord between its ends by at most h/4 of the range of ÿ."""
+    first, last = (Range(*(x[part] for x in at_samples)) for part in (np.s_[:-1], np.s_[1:]))
+    return plus(hull(first, last), around(h / 4 * (acceleration.upper - acceleration.lower)))

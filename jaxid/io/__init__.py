@@ -1,0 +1,1 @@
+"""Files and pictures: tables, trajectories, recorded logs, set-points, plots."""

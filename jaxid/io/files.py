@@ -1,0 +1,122 @@
+"""Files out and in: CSV with 17 digits, netCDF; written to a temporary name and renamed."""
+
+import csv
+import json
+import os
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from jaxid._checks import require
+from jaxid.motion.trajectory import JerkTrajectory, uniform
+
+UNITS = {"linear": "m", "rotary": "rad"}
+STATES = ("position", "velocity", "acceleration", "jerk")
+
+Cell = str | float | int | bool | None
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all; one that already has this content is left untouched."""
+    path = Path(path)
+    if path.exists() and path.read_bytes() == data:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def write_table(path: Path, header: Sequence[str], rows: Iterable[Mapping[str, Cell]]) -> None:
+    """A CSV table; numbers keep the digits they have, None is an empty cell."""
+    lines = [",".join(header)]
+    for row in rows:
+        lines.append(",".join(_cell(row[name]) for name in header))
+    write_bytes(path, ("\n".join(lines) + "\n").encode())
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """One result, for other programs; numbers keep the digits they have."""
+    write_bytes(path, (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode())
+
+
+def read_table(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV table, as text."""
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def write_trajectory(path: Path, trajectory: JerkTrajectory, coordinate: str = "linear") -> None:
+    """One row per knot; the jerk of a row holds until the next, that of the last row is zero."""
+    y, v, a = (np.asarray(x) for x in trajectory.knot_states())
+    jerk = np.append(np.asarray(trajectory.jerk), 0.0)
+    # multiples of a period are written as such, not as sums of rounded ones
+    time = np.asarray(trajectory.knot_times()).round(12)
+    columns = dict(zip(trajectory_header(coordinate), (time, y, v, a, jerk), strict=True))
+    rows = ({name: float(x[k]) for name, x in columns.items()} for k in range(len(time)))
+    write_table(path, list(columns), rows)
+
+
+def read_trajectory(path: Path, coordinate: str = "linear") -> JerkTrajectory:
+    """The motion that a file holds, from its times, its first state and its jerk alone."""
+    rows = read_table(path)
+    header = trajectory_header(coordinate)
+    require(
+        len(rows) > 1 and all(row.get(name) for row in rows for name in header),
+        f"Argument `path`: {path} must have the columns {list(header)}, two rows at least, and a "
+        "number in each.",
+    )
+    column = {name: _column(rows, name) for name in header}
+    names = header[1:4]
+    start = jnp.asarray([column[name][0] for name in names])
+    periods = np.diff(column["time_s"])
+    require(
+        bool(np.all(np.abs(periods - periods[0]) < 1e-9)),
+        f"Argument `path`: the times of {path} must be equally spaced.",
+    )
+    return uniform(start, jnp.asarray(column[header[4]][:-1]), round(float(periods[0]), 12))
+
+
+def trajectory_header(coordinate: str = "linear") -> tuple[str, ...]:
+    """Column names with units, e.g. velocity_m_s."""
+    unit = UNITS[coordinate]
+    suffixes = (unit, f"{unit}_s", f"{unit}_s2", f"{unit}_s3")
+    return ("time_s", *(f"{name}_{suffix}" for name, suffix in zip(STATES, suffixes, strict=True)))
+
+
+def write_dataset(path: Path, dataset: xr.Dataset) -> None:
+    """NetCDF (HDF5), compressed without loss; the same data set makes the same bytes."""
+    packed = {"zlib": True, "complevel": 9, "shuffle": True}
+    encoding = dict.fromkeys(dataset.data_vars, packed)
+    write_bytes(path, bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)))
+
+
+def read_dataset(path: Path) -> xr.Dataset:
+    """A netCDF file, all of it."""
+    return xr.load_dataset(path, engine="h5netcdf")
+
+
+def _column(rows: Sequence[Mapping[str, str]], name: str) -> Float[np.ndarray, " n"]:
+    return np.array([float(row[name]) for row in rows])
+
+
+def _cell(value: Cell) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = f"{value:.17g}" if isinstance(value, float) else str(value)
+    quoted = any(mark in text for mark in ',"\r\n')
+    return '"' + text.replace('"', '""') + '"' if quoted else text

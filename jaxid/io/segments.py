@@ -1,0 +1,157 @@
+"""A recorded log cut into pieces whose rows are one period apart, each of them a `Log`."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxid._checks import require
+from jaxid.io.log_file import Recorded
+from jaxid.loop.log import JITTER, Log, filled
+
+_LEAST = 4  # ticks of a piece: fewer say hardly anything
+_CLOCKS = 0.01  # that two clocks may differ by
+_NEGLIGIBLE = 1e-6  # of a period
+_ROUNDINGS = 4  # of a stamp and of what is computed from it
+_SHAPES = 2  # lengths that are worth compiling for
+
+
+class Piece(NamedTuple):
+    """Rows `first` to `last` of a file, counted from 0, and what they are as a log."""
+
+    first: int
+    last: int
+    log: Log
+
+
+def steady(
+    recorded: Recorded,
+    period: float,
+    resolution: float,
+    delay: int = 0,
+    longest: int | None = None,
+) -> tuple[Piece, ...]:
+    """All pieces whose time stamps miss equal steps by a tenth of the period at most.
+
+    Where a row is missing, repeated, late or without a number, a piece ends and another begins. By
+    how much stamps miss equal steps is the jitter of a piece.
+
+    Args:
+        recorded: a log.
+        period: of the servo, s.
+        resolution: of the encoder, m or rad.
+        delay: periods until a command acts.
+        longest: rows of a piece, at most; default any number.
+
+    Raises:
+        ValueError: if no piece is long enough, or the rows are not a servo period apart.
+    """
+    n = recorded.position.size
+    time = np.arange(n) * period if recorded.time is None else recorded.time
+    whole = np.isfinite(time) & np.isfinite(recorded.position) & np.isfinite(recorded.input)
+    _require_clock(time[whole], period)
+    steps = np.diff(time)
+    close = whole[1:] & whole[:-1] & (np.abs(steps - period) <= 2 * JITTER * period)
+    found = [
+        _piece(recorded, time, part, resolution, delay)
+        for whole_run in _runs(close)
+        for run in _cut(whole_run, longest)
+        for part in _straight(time, run)
+        if part[1] - part[0] - delay > _LEAST
+    ]
+    require(
+        bool(found),
+        f"Argument `recorded` has no {_LEAST + 1 + delay} rows on end that are {period:g} s apart "
+        f"to {JITTER:.0%}; its {n} rows cannot be read as ticks of that servo.",
+    )
+    lengths = {piece.log.input.size for piece in found}
+    if len(lengths) > _SHAPES:  # else each would be compiled for
+        found = [piece._replace(log=filled(piece.log, _rung(piece.log))) for piece in found]
+    return tuple(found)
+
+
+def _require_clock(time: Float[np.ndarray, " n"], period: float) -> None:
+    forward = np.diff(time)
+    forward = forward[forward > 0]
+    require(forward.size > 0, "Argument `recorded` has no two rows one after the other in time.")
+    usual = float(np.median(forward))
+    thousands = round(np.log10(usual / period) / 3)
+    hint = " Is the unit of time right?" if thousands else ""
+    require(
+        abs(usual / period - 1) <= _CLOCKS,
+        f"Argument `recorded`: its rows are {usual:.6g} s apart, but the period of the servo is "
+        f"{period:g} s. An input must be held from row to row.{hint}",
+    )
+
+
+def _runs(close: Bool[np.ndarray, " steps"]) -> Iterator[tuple[int, int]]:
+    """First row and the one after the last, of rows that are close to the one before."""
+    edges = np.diff(np.pad(close, 1).astype(int))
+    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return zip(starts.tolist(), (stops + 1).tolist(), strict=True)
+
+
+def _cut(run: tuple[int, int], longest: int | None) -> Iterator[tuple[int, int]]:
+    """In equal parts; the tick between two of them counts for neither."""
+    first, stop = run
+    count = 1 if longest is None else -(-(stop - first) // longest)
+    edges = np.linspace(first, stop, count + 1).round().astype(int).tolist()
+    return pairwise(edges)
+
+
+def _straight(time: Float[np.ndarray, " n"], run: tuple[int, int]) -> Iterator[tuple[int, int]]:
+    """A run whole, or halved until its stamps are on straight lines to the jitter allowed."""
+    first, stop = run
+    if stop - first > _LEAST:
+        period, missed = _clock(time[first:stop])
+        if missed <= JITTER * period:
+            yield run
+            return
+        middle = (first + stop) // 2
+        yield from _straight(time, (first, middle))
+        yield from _straight(time, (middle, stop))
+
+
+def _clock(time: Float[np.ndarray, " n"]) -> tuple[float, float]:
+    """The period of stamps, and how far at most the instants that they stand for miss equal steps.
+
+    Rounding alone is no miss, unless stamps are so coarse that it may hide some.
+    """
+    ticks, since = np.arange(time.size) - (time.size - 1) / 2, time - time[0]
+    period = float(ticks @ since / (ticks @ ticks))
+    rest = since - period * ticks
+    missed, spacing = float(np.ptp(rest) / 2), float(np.spacing(np.max(np.abs(time))))
+    if _ROUNDINGS * spacing > _NEGLIGIBLE * period:
+        return period, missed + spacing / 2
+    return period, missed if missed > _ROUNDINGS * spacing else 0.0
+
+
+def _piece(
+    recorded: Recorded,
+    time: Float[np.ndarray, " n"],
+    part: tuple[int, int],
+    resolution: float,
+    delay: int,
+) -> Piece:
+    first, stop = part
+    period, jitter = _clock(time[first:stop])
+    position = jnp.asarray(recorded.position[first + delay : stop])
+    acting = jnp.asarray(recorded.input[first : stop - delay])  # the last one after the last tick
+    if jitter == 0:
+        return Piece(first, stop - 1, Log(acting[:-1], position, period, resolution))
+    outer = jnp.stack([acting[0], acting[-1]])  # the tick of the first one lets an unknown one in
+    log = Log(acting[1:-1], position[1:], period, resolution, jitter, outer)
+    return Piece(first, stop - 1, log)
+
+
+def _rung(log: Log) -> int:
+    """The next power of two, from 32 on."""
+    return max(32, 2 ** int(np.ceil(np.log2(log.input.size))))
+
+
+def rows_used(pieces: Sequence[Piece]) -> int:
+    """How many."""
+    return sum(piece.last - piece.first + 1 for piece in pieces)

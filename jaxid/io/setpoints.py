@@ -1,0 +1,141 @@
+"""A motion as a servo plays it: sampled at its period, in the files that servos read, and checked.
+
+What is checked are the numbers of a file, read back, and what a servo makes of them: the positions
+held, or joined by straight lines, whose slopes and bends are the velocity and acceleration then.
+"""
+
+import io
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.io import loadmat, savemat
+
+from jaxid._checks import require
+from jaxid.io.files import read_table, trajectory_header, write_bytes, write_table
+from jaxid.motion.limits import Limits
+from jaxid.motion.trajectory import JerkTrajectory, ticks
+
+Way = TypeVar("Way")
+VARIABLE = "setpoints"  # of the matrix, and of the array in C
+
+
+class Setpoints(NamedTuple):
+    """States at the ticks of a servo, the last one included; shapes (n + 1,), in m or rad."""
+
+    time: Float[np.ndarray, " samples"]
+    position: Float[np.ndarray, " samples"]
+    velocity: Float[np.ndarray, " samples"]
+    acceleration: Float[np.ndarray, " samples"]
+
+
+def sampled(trajectory: JerkTrajectory, period: float) -> Setpoints:
+    """At every tick.
+
+    Raises:
+        ValueError: if the period does not divide the duration.
+    """
+    at = np.arange(ticks(trajectory, period) + 1)
+    states = trajectory.states(jnp.asarray(at * period))
+    # multiples of a period are written as such
+    return Setpoints((at * period).round(12), *map(np.asarray, states))
+
+
+def margins(setpoints: Setpoints, limits: Limits) -> dict[str, float]:
+    """How much of each limit's half-width is left, by the positions alone; below zero, none.
+
+    Velocity and acceleration are first and second differences, what straight lines between the
+    positions make of them: means over a tick and two. Rounded positions leave of them ε|y|/h and
+    ε|y|/h²: a motion that touches a limit of acceleration may show a billionth below zero.
+    """
+    h = float(setpoints.time[1] - setpoints.time[0])
+    y = setpoints.position
+    values = {"position": y, "velocity": np.diff(y) / h, "acceleration": np.diff(y, 2) / h**2}
+    return {name: _left(x, getattr(limits, name)) for name, x in values.items()}
+
+
+def write_setpoints(path: Path, setpoints: Setpoints, coordinate: str = "linear") -> None:
+    """Write a file whose ending says how.
+
+    Args:
+        path: ending in .csv (a header with units, one row per tick), .mat (one matrix, its rows
+            time, position, velocity and acceleration, as Simulink's From File reads it) or .h (an
+            array of C, one row per tick).
+        setpoints: to write.
+        coordinate: linear or rotary, for the units.
+    """
+    _by_ending(path, _WRITERS)(path, setpoints, coordinate)
+
+
+def read_setpoints(path: Path, coordinate: str = "linear") -> Setpoints:
+    """What a file of `write_setpoints` holds."""
+    return Setpoints(*_by_ending(path, _READERS)(path, coordinate))
+
+
+def _left(values: Float[np.ndarray, "..."], interval: Float[Array, "2"]) -> float:
+    low, high = (float(end) for end in interval)
+    return float(min(np.min(values) - low, high - np.max(values)) / ((high - low) / 2))
+
+
+def _write_csv(path: Path, setpoints: Setpoints, coordinate: str) -> None:
+    header = trajectory_header(coordinate)[:4]
+    rows = (dict(zip(header, map(float, row), strict=True)) for row in np.stack(setpoints, axis=1))
+    write_table(path, header, rows)
+
+
+def _write_mat(path: Path, setpoints: Setpoints, coordinate: str) -> None:
+    buffer = io.BytesIO()
+    # files are welcome there, whatever its stub says
+    savemat(buffer, {VARIABLE: np.stack(setpoints)})  # pyright: ignore[reportArgumentType]
+    # without the date in its text, the same motion makes the same bytes
+    text = b"MATLAB 5.0 MAT-file, rows: " + ", ".join(trajectory_header(coordinate)[:4]).encode()
+    write_bytes(path, text.ljust(116) + buffer.getvalue()[116:])
+
+
+def _write_header(path: Path, setpoints: Setpoints, coordinate: str) -> None:
+    table = np.stack(setpoints, axis=1)
+    names = ", ".join(trajectory_header(coordinate)[:4])
+    rows = [f"    {{{', '.join(f'{x:.17g}' for x in row)}}}," for row in table]
+    lines = [
+        f"/* columns: {names} */",
+        f"#define {VARIABLE.upper()}_COUNT {len(table)}",
+        f"static const double {VARIABLE}[{VARIABLE.upper()}_COUNT][{table.shape[1]}] = {{",
+        *rows,
+        "};",
+    ]
+    write_bytes(path, ("\n".join(lines) + "\n").encode())
+
+
+def _read_csv(path: Path, coordinate: str) -> Float[np.ndarray, "4 samples"]:
+    rows, header = read_table(path), trajectory_header(coordinate)[:4]
+    require(
+        bool(rows) and set(header) <= set(rows[0]),
+        f"Argument `path`: {path} must have the columns {list(header)}.",
+    )
+    return np.array([[float(row[name]) for row in rows] for name in header])
+
+
+def _read_mat(path: Path, coordinate: str) -> Float[np.ndarray, "4 samples"]:
+    return loadmat(path)[VARIABLE]
+
+
+_WRITERS: Mapping[str, Callable[[Path, Setpoints, str], None]] = {
+    ".csv": _write_csv,
+    ".mat": _write_mat,
+    ".h": _write_header,
+}
+_READERS: Mapping[str, Callable[[Path, str], Float[np.ndarray, "4 samples"]]] = {
+    ".csv": _read_csv,
+    ".mat": _read_mat,
+}
+
+
+def _by_ending(path: Path, ways: Mapping[str, Way]) -> Way:
+    require(
+        path.suffix in ways,
+        f"Argument `path` must end in {', '.join(ways)}, but is {path}.",
+    )
+    return ways[path.suffix]

@@ -1,0 +1,56 @@
+"""The Record: what an experiment leaves, as weighted integrals of (1); everything after is linear.
+
+Integrate u = φᵀθ + Δ against a test function and divide by its integral. One row k is then
+
+    u_k = φ_kᵀ θ + Δ_k,     |Δ_k| ≤ δ_k,
+
+with means instead of point values, and exact. A box over one controller tick is one choice of
+test function, a hat over two ticks or a filter's impulse response another: the type assumes none.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxid.model.system import System
+from jaxid.motion.trajectory import States
+
+
+class Rows(eqx.Module):
+    """What a motion offers to an estimator: the left-hand sides of n rows.
+
+    Attributes:
+        columns: the m columns of Φ, each of shape (n,); apart, since a gradient through slices of
+            one (n, m) array takes twice as long.
+        delta: δ_k, shape (n,), in the unit of the input.
+        measure: what row k counts in an integral over time, s; zero for padding.
+    """
+
+    columns: tuple[Float[Array, " n"], ...]
+    delta: Float[Array, " n"]
+    measure: Float[Array, " n"]
+
+    @property
+    def regressors(self) -> Float[Array, "n m"]:
+        """Φ, one row φ_kᵀ per row."""
+        return jnp.stack(self.columns, axis=-1)
+
+
+class Record(eqx.Module):
+    """Rows and their inputs: one experiment.
+
+    Attributes:
+        rows: the regressors, disturbance bounds and measures.
+        input: u_k, shape (n,): the commanded input, never one computed from θ.
+        disturbance: Δ_k, shape (n,), where a simulation knows it: for tests, not for estimators.
+    """
+
+    rows: Rows
+    input: Float[Array, " n"]
+    disturbance: Float[Array, " n"] | None
+
+
+def rows_of(system: System, states: States, measure: Float[Array, " n"]) -> Rows:
+    """The rows of a motion sampled at the nodes of a quadrature."""
+    delta = system.disturbance_bound(states.position, states.velocity)
+    return Rows(system.regressors(*states), delta, measure)

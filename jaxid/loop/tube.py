@@ -1,0 +1,330 @@
+"""What the axis can do at most under ARC, proved: sampled control, encoder and all plants included.
+
+Let y*, v*, a* be the reference, e = y − y*, s = v − v*, p = s + k₁e at the ticks, h the period, and
+K = k₂ + h(φ')²/4ε the feedback gain of (25)-(26). The controller reads y + q and v + g + n. An
+encoder has |q| ≤ half a count; its velocity is a difference, so that n = (q − q₋)/h, q₋ being the
+error of the tick before, and g = −(1/h)∫(t − t₋)v̇ dt over the tick before: the mean speed lags. For
+an exact sensor all three are zero. Hence
+
+    u = M̂(a* − k₁(s + g + n)) + θ̂_fᵀ f(as read) − K(p + g + n + k₁q)
+
+for one tick, in which M v̇ = u − θ_fᵀ f(y, v) − Δ. Integrated over the tick, with f̄ and Δ̄ the means
+of f and Δ, Δx* the change of the reference, and r = ∫₀ʰ(h − t)v̇ dt − (Δy* − h v*):
+
+    s⁺ = s·(1 − λ) − (hKk₁/M)·e + (h/M)·X − Δv* − λn,     λ = h(M̂k₁ + K)/M
+    p⁺ = p·(1 + b − hK/M) − k₁b·e + (h/M)·X − Δv* + k₁r − λn,     b = hk₁(1 − M̂/M)
+    e⁺ = e·(1 − hk₁) + h·p + r
+    X  = M̂(a* − k₁g) + θ̂_fᵀ f(as read) − K(g + k₁q) − θ_fᵀ f̄ − Δ̄
+
+Each is an identity. Noise that is differenced nearly cancels from tick to tick, so s and p are
+followed as s̃ = s + κq₋/h and p̃ = p + κq₋/h with any numbers κ that are known beforehand: −λn then
+becomes (λ − ακ)q₋/h + (κ⁺ − λ)q/h, α being the factor of s or p, and is small where κ is near λ.
+(The κ are numbers that do not depend on the plant: middles of ranges.)
+
+If e, s̃, p̃ and g lie in ranges at a tick, interval arithmetic gives ranges at the next; s̃ and
+p̃ − k₁e are the same number, so what the range of either excludes is excluded. The right-hand sides
+are affine in each of 1/M, M̂ and K, the others held, so their extremes lie at ends of these. At
+t = 0 the axis rests where the reference is, so e = g = 0 and s = p = −v*: by induction the ranges
+hold at every tick, for every θ in the cell of Ω_θ that M and θ_f were taken from, every Δ within δ
+and every error of the sensor. The tube is the union over cells that cover Ω_θ: small ones lose
+little of what M, friction and p have to do with one another.
+
+Within a tick f̄, Δ̄ and v̇ are bounded over speeds that the axis cannot leave in one tick: if |v̇| ≤ A
+as long as v stays within w of where it was, and hA ≤ w, then it does. Where no such w is found the
+tube is infinite.
+"""
+
+import functools
+import itertools
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxid._checks import require_float64
+from jaxid._types import Scalar
+from jaxid.loop.controllers import ARC
+from jaxid.loop.sensors import Sensor, SensorError
+from jaxid.model.interval_arithmetic import (
+    Range,
+    around,
+    common,
+    exactly,
+    hull,
+    minus,
+    plus,
+    scaled,
+    size,
+    times,
+)
+from jaxid.model.system import System
+from jaxid.motion.limits import Envelope, Prediction
+from jaxid.motion.trajectory import JerkTrajectory, States, reference
+
+# outward at every tick and of every result, relative to 1 and to what is rounded: far more than all
+# roundings of one tick
+_ROUNDING = 1e-13
+
+
+class Cells(eqx.Module):
+    """Boxes that cover Ω_θ.
+
+    Attributes:
+        lower: shape (c, m).
+        upper: shape (c, m).
+    """
+
+    lower: Float[Array, "c m"]
+    upper: Float[Array, "c m"]
+
+
+def cells(system: System, parts: tuple[int, ...]) -> Cells:
+    """Ω_θ cut into equal parts along each parameter.
+
+    Args:
+        system: with its box.
+        parts: how many along each of the m parameters.
+    """
+    edges = [
+        np.linspace(float(term.interval[0]), float(term.interval[1]), count + 1)
+        for term, count in zip(system.terms, parts, strict=True)
+    ]
+    lower = np.meshgrid(*(edge[:-1] for edge in edges), indexing="ij")
+    upper = np.meshgrid(*(edge[1:] for edge in edges), indexing="ij")
+    flat = [jnp.asarray(np.stack([x.ravel() for x in ends], axis=1)) for ends in (lower, upper)]
+    return Cells(*flat)
+
+
+class Tube(Prediction):
+    """The ranges above along a motion: a proof for every plant of Ω_θ × {|Δ| ≤ δ}.
+
+    Attributes:
+        controller: the law of `ARC` itself, none derived from it; θ̂ may be anywhere in Ω_θ where it
+            adapts, and is best frozen.
+        sensor: what the controller sees.
+        cells: that cover Ω_θ; what they leave out is not proved.
+        period: of the controller, s.
+        ticks: of one motion.
+        repeats: how many times it is run, back to back, from rest.
+    """
+
+    controller: ARC
+    sensor: Sensor
+    cells: Cells
+    period: Scalar = eqx.field(converter=jnp.asarray)
+    ticks: int = eqx.field(static=True)
+    repeats: int = eqx.field(static=True, default=1)
+
+    @property
+    def system(self) -> System:
+        return self.controller.system
+
+    def __call__(self, trajectory: JerkTrajectory) -> Envelope:
+        require_float64("trajectory", trajectory)
+        require_float64("cells", self.cells)
+        return _merged(self, trajectory)
+
+
+class _State(NamedTuple):
+    """Ranges of e, s̃, p̃ and g at a tick, and the number κ."""
+
+    position: Range
+    velocity: Range
+    combined: Range
+    lag: Range
+    shift: Scalar
+
+
+class _Now(NamedTuple):
+    """The reference at a tick, and its changes Δy* − h·v* and Δv* until the next."""
+
+    at: States
+    bend: Scalar
+    gain: Scalar
+
+
+class _Cell(NamedTuple):
+    """One box of θ, and what the loop knows of θ̂ and of the sensor."""
+
+    law: ARC
+    period: Scalar
+    theta: Range
+    hat: Range
+    error: SensorError
+
+    @property
+    def jitter(self) -> Scalar:
+        """The most that |q/h| can be, if velocities are differences."""
+        return self.error.position / self.period if self.error.differenced else jnp.zeros(())
+
+    @property
+    def inverse_inertia(self) -> Range:
+        return Range(1 / self.theta.upper[0], 1 / self.theta.lower[0])
+
+
+@eqx.filter_jit
+def _merged(tube: Tube, trajectory: JerkTrajectory) -> Envelope:
+    now = _changes(tube, trajectory)
+    found = jax.vmap(lambda low, high: _one_cell(tube, now, Range(low, high)))(
+        tube.cells.lower, tube.cells.upper
+    )
+
+    def union(x: Range) -> Range:
+        # a range that is no number bounds nothing
+        lower = jnp.where(jnp.isnan(x.lower), -jnp.inf, x.lower).reshape(-1, tube.ticks)
+        upper = jnp.where(jnp.isnan(x.upper), jnp.inf, x.upper).reshape(-1, tube.ticks)
+        found = Range(jnp.min(lower, axis=0), jnp.max(upper, axis=0))
+        return plus(found, around(_ROUNDING * (1 + size(found).upper)))
+
+    return Envelope(*map(union, found))
+
+
+def _changes(tube: Tube, trajectory: JerkTrajectory) -> _Now:
+    """From tick to tick of all repeats: a motion that does not end where it began jumps back."""
+    at = reference(trajectory, tube.period, tube.ticks, tube.repeats)
+    end = trajectory.states(trajectory.duration[None])
+    y, v, _ = (jnp.concatenate([x, last]) for x, last in zip(at, end, strict=True))
+    return _Now(at, jnp.diff(y) - tube.period * v[:-1], jnp.diff(v))
+
+
+def _one_cell(tube: Tube, now: _Now, theta: Range) -> Envelope:
+    law, box = tube.controller, tube.system
+    moves = law.gamma > 0
+    hat = Range(jnp.where(moves, box.lower, box.centre), jnp.where(moves, box.upper, box.centre))
+    cell = _Cell(law, tube.period, theta, hat, tube.sensor.error())
+    zero, slow = exactly(jnp.zeros(())), exactly(-now.at.velocity[0])
+    rest = _State(zero, slow, slow, zero, jnp.zeros(()))
+    _, found = jax.lax.scan(lambda state, now: _tick(cell, state, now), rest, now)
+    before = Range(*(jnp.append(0.0, x[:-1]) for x in found.input))
+    rate = jax.tree.map(lambda x: x / tube.period, minus(found.input, before))
+    return found._replace(input_rate=rate)
+
+
+def _tick(cell: _Cell, state: _State, now: _Now) -> tuple[_State, Envelope]:
+    """The ranges at the next tick, and what the axis may do until then."""
+    law, h = cell.law, cell.period
+    y, v, a = map(exactly, now.at)
+    shifted, differenced = around(state.shift * cell.jitter), around(2 * cell.jitter)
+    coarse = around(cell.error.position)
+    noise = plus(state.lag, shifted, differenced)
+    place, speed = plus(y, state.position), plus(v, state.velocity, shifted)
+    read = plus(place, coarse), plus(v, state.velocity, noise)
+    wanted = plus(a, scaled(-law.k1, plus(state.velocity, noise)))
+    model = _forces(law.system, cell.hat, *read)
+    gain = _gain(law, *read, wanted)
+    feedback = times(gain, plus(state.combined, noise, scaled(law.k1, coarse)))
+    u = minus(plus(times(_inertia(cell.hat), wanted), model), feedback)
+
+    during, acceleration, push = _within(cell, place, speed, u)
+    remainder = minus(scaled(h**2 / 2, acceleration), exactly(now.bend))
+    after = _next(cell, state, now, gain, plus(model, push), remainder)
+    if cell.error.differenced:
+        after = after._replace(lag=scaled(-h / 2, acceleration))
+    end_y = plus(y, exactly(h * now.at.velocity + now.bend), after.position)
+    end_v = plus(v, exactly(now.gain), after.velocity, around(after.shift * cell.jitter))
+    reached = _between(place, end_y, during, h), _between(speed, end_v, acceleration, h)
+    return after, Envelope(*reached, u, u)
+
+
+def _next(
+    cell: _Cell, state: _State, now: _Now, gain: Range, forces: Range, remainder: Range
+) -> _State:
+    """The identities above; `forces` is θ̂_fᵀ f(as read) − θ_fᵀ f̄ − Δ̄, `remainder` r."""
+    h, k1 = cell.period, cell.law.k1
+    e, s, p, g, shift = state
+    next_shift = _middle(gain, cell)
+    wanted = plus(exactly(now.at.acceleration), scaled(-k1, g))
+    read = plus(g, around(k1 * cell.error.position))
+    speeds, combined = [], []
+    for M_hat, inverse, K in itertools.product(_inertia(cell.hat), cell.inverse_inertia, gain):
+        X = plus(scaled(M_hat, wanted), scaled(-K, read), forces)
+        common_part = minus(scaled(h * inverse, X), exactly(now.gain))
+        b, fade = h * k1 * (1 - M_hat * inverse), h * (M_hat * k1 + K) * inverse
+
+        def shaken(keep: Scalar, fade: Scalar = fade) -> Range:
+            left = jnp.abs(fade - keep * shift) + jnp.abs(next_shift - fade)
+            return around(left * cell.jitter)
+
+        keep = 1 - fade
+        parts = scaled(keep, s), scaled(-h * K * k1 * inverse, e), shaken(keep)
+        speeds.append(plus(*parts, common_part))
+        keep = 1 + b - h * K * inverse
+        parts = scaled(keep, p), scaled(-k1 * b, e), shaken(keep), scaled(k1, remainder)
+        combined.append(plus(*parts, common_part))
+    # the coarsest rounding is that of a difference of positions over one tick
+    spare = around(_ROUNDING * (1 + jnp.abs(now.at.position) / h))
+    moved = scaled(h, plus(p, around(shift * cell.jitter)))
+    e = plus(scaled(1 - h * k1, e), moved, remainder, spare)
+    s, p = plus(hull(*speeds), spare), plus(hull(*combined), spare)
+    s, p = common(s, minus(p, scaled(k1, e))), common(p, plus(s, scaled(k1, e)))
+    return _State(e, s, p, exactly(jnp.zeros(())), next_shift)
+
+
+def _middle(gain: Range, cell: _Cell) -> Scalar:
+    """The κ in the middle of all λ of a tick."""
+    low = cell.hat.lower[0] * cell.law.k1 + gain.lower
+    high = cell.hat.upper[0] * cell.law.k1 + gain.upper
+    inverse = cell.inverse_inertia
+    return cell.period * (low * inverse.lower + high * inverse.upper) / 2
+
+
+def _within(cell: _Cell, place: Range, speed: Range, u: Range) -> tuple[Range, Range, Range]:
+    """Speeds and accelerations during one tick, and −θ_fᵀ f − Δ."""
+    h, inverse = cell.period, cell.inverse_inertia
+
+    def push(speed: Range) -> Range:
+        there = hull(place, plus(place, scaled(h, speed)))
+        delta = cell.law.system.disturbance_bound.range(there, speed).upper
+        return minus(around(delta), _forces(cell.law.system, cell.theta, there, speed))
+
+    # a guess that is checked: twice what would do if no force changed within the tick
+    most = 2 * inverse.upper * size(plus(u, push(speed))).upper + 1.0
+    wide = times(inverse, plus(u, push(plus(speed, around(h * most)))))
+    stays = size(wide).upper <= most
+    wide = Range(jnp.where(stays, wide.lower, -jnp.inf), jnp.where(stays, wide.upper, jnp.inf))
+    during = hull(speed, plus(speed, scaled(h, wide)))
+    forces = push(during)
+    return during, times(inverse, plus(u, forces)), forces
+
+
+def _gain(law: ARC, place: Range, speed: Range, wanted: Range) -> Range:
+    """K of (25)-(26)."""
+    sizes = [size(wanted), *(size(f) for f in law.system.force_ranges(place, speed))]
+    h = law.system.disturbance_bound.range(place, speed)
+    for j, x in enumerate(sizes):
+        h = plus(h, scaled(law.reach[j], x))
+    return Range(*(law.k2 + end**2 / (4 * law.epsilon) for end in h))
+
+
+def _forces(system: System, theta: Range, place: Range, speed: Range) -> Range:
+    """θ_fᵀ f."""
+    ranges = system.force_ranges(place, speed)
+    return plus(
+        *(times(Range(theta.lower[j], theta.upper[j]), f) for j, f in enumerate(ranges, start=1))
+    )
+
+
+def _inertia(theta: Range) -> Range:
+    return Range(theta.lower[0], theta.upper[0])
+
+
+def _between(start: Range, end: Range, rate: Range, period: Scalar) -> Range:
+    """What a value can be within a tick, from its ends and its rate."""
+    mirrored = _peak(-start.lower, -end.lower, Range(-rate.upper, -rate.lower), period)
+    return Range(-mirrored, _peak(start.upper, end.upper, rate, period))
+
+
+def _peak(start: Scalar, end: Scalar, rate: Range, period: Scalar) -> Scalar:
+    """The highest point below the lines start + rate.upper·t and end − rate.lower·(h − t)."""
+    fast, slow = rate.upper, rate.lower
+    meet = (end - slow * period - start) / jnp.where(fast > slow, fast - slow, 1.0)
+    times = (
+        jnp.zeros_like(meet),
+        jnp.clip(meet, 0.0, period),
+        jnp.broadcast_to(period, meet.shape),
+    )
+    heights = [jnp.minimum(start + fast * t, end - slow * (period - t)) for t in times]
+    return functools.reduce(jnp.maximum, heights)

@@ -1,0 +1,102 @@
+"""Plants that bring the axis as near to its limits, or as far beyond them, as a search can find."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from jaxid._types import Scalar
+from jaxid.loop.closed_loop import Loop, Scenarios, random_forces, random_parameters
+from jaxid.loop.disturbances import Sequence
+from jaxid.loop.simulate import Plant
+from jaxid.model.system import System
+from jaxid.motion.limits import Limits
+from jaxid.motion.trajectory import JerkTrajectory
+
+_ROUNDS = 6  # of sign steps: a loop that tracks well is nearly linear in Δ, and one nearly suffices
+_SIDES = 6  # position, velocity and input, each below and above
+
+
+class _Plants(eqx.Module):
+    """One plant, or as many as the leading axis has entries."""
+
+    theta: Float[Array, "*k m"]
+    shares: Float[Array, "*k n"]
+
+
+def adversaries(
+    loop: Loop,
+    system: System,
+    limits: Limits,
+    trajectory: JerkTrajectory,
+    key: PRNGKeyArray,
+    count: int,
+) -> Scenarios:
+    """`count` plants, each searched for one side of one limit in turn.
+
+    From random points of Ω_θ, and corners next to such points, in turn, with random Δ; then θ goes
+    to the corner and Δ to the end of ±δ that the slope of the largest excess points to, several
+    times; the worst is kept.
+
+    Args:
+        loop: with a sensor that has slopes (`IdealSensor`).
+        system: whose box and δ the plants keep.
+        limits: of the axis.
+        trajectory: the motion.
+        key: of the random starts; plant k depends on it and on k alone.
+        count: of plants.
+    """
+    first, second = jax.random.split(key)
+    inner = random_parameters(first, system, count)
+    which = jnp.arange(count)
+    corners = jnp.where(inner > system.centre[None], system.upper[None], system.lower[None])
+    # every side meets corners and inner points
+    theta = jnp.where((which // _SIDES % 2 == 0)[:, None], corners, inner)
+    forces = random_forces(second, loop.ticks * loop.repeats, count)
+    starts = _Plants(theta, forces.shares)
+    found = _searched(loop, system, limits, trajectory, starts, which % _SIDES)
+    return Scenarios(system, found.theta, jax.vmap(Sequence)(found.shares))
+
+
+@eqx.filter_jit
+def _searched(
+    loop: Loop,
+    system: System,
+    limits: Limits,
+    trajectory: JerkTrajectory,
+    starts: _Plants,
+    sides: Int[Array, " k"],
+) -> _Plants:
+    def excess(plant: _Plants, side: Int[Array, ""]) -> Scalar:
+        """How far one limit is left at worst."""
+        actual = Plant(system, plant.theta, Sequence(plant.shares))
+        signals = loop(actual, trajectory)[1]
+        columns = (signals.position, signals.velocity, signals.input)
+        intervals = (limits.position, limits.velocity, limits.input)
+        levels = []
+        for values, (low, high) in zip(columns, intervals, strict=True):
+            levels += [jnp.max(low - values) / (high - low), jnp.max(values - high) / (high - low)]
+        return jnp.stack(levels)[side]
+
+    def one(start: _Plants, side: Int[Array, ""]) -> _Plants:
+        """The worst plant found from one start."""
+
+        def step(
+            carry: tuple[_Plants, _Plants, Scalar], _: None
+        ) -> tuple[tuple[_Plants, _Plants, Scalar], None]:
+            """To the corner that the slopes point to."""
+            plant, best, reached = carry
+            value, slope = jax.value_and_grad(excess)(plant, side)
+            better = value > reached
+            best = jax.tree.map(lambda a, b: jnp.where(better, a, b), plant, best)
+            theta = jnp.where(slope.theta > 0, system.upper, system.lower)
+            pushed = _Plants(theta, jnp.where(slope.shares > 0, 1.0, -1.0))
+            return (pushed, best, jnp.maximum(value, reached)), None
+
+        carry = (start, start, jnp.asarray(-jnp.inf))
+        (last, best, reached), _ = jax.lax.scan(step, carry, length=_ROUNDS)
+        better = excess(last, side) > reached
+        return jax.tree.map(lambda a, b: jnp.where(better, a, b), last, best)
+
+    # in batches: the slopes over every tick of all plants at once would fill the memory
+    return jax.lax.map(lambda pair: one(*pair), (starts, sides), batch_size=10)

@@ -1,0 +1,153 @@
+"""A second-order system as data: regressor terms, parameter box Ω_θ, disturbance bound δ.
+
+The sign convention of the whole package is the regression form of (1)-(2),
+
+    u = φᵀ(y, ẏ, ÿ) θ + Δ,   φ = [ÿ, f₁(y, ẏ), f₂(y, ẏ), …],   |Δ| ≤ δ(y, ẏ),
+
+so that the motor (31) reads term by term. The paper's φ of (1) is −[f₁, f₂, …], and its Δ of (2)
+has the other sign; the bound is symmetric, so nothing depends on that.
+"""
+
+from typing import Literal, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxid._checks import is_concrete, require, require_interval
+from jaxid._types import Interval, Motion, as_interval, dot
+from jaxid.model.disturbance_bound import DisturbanceBound
+from jaxid.model.interval_arithmetic import Range
+from jaxid.model.regressors import Regressor
+from jaxid.model.smoothing import Kinked
+
+Tree = TypeVar("Tree")
+
+
+class Term(eqx.Module):
+    """One unknown parameter: its name, unit and prior interval, and the regressor it multiplies.
+
+    `regressor = None` stands for the acceleration itself: the inertia θ_x2 of (1).
+    """
+
+    name: str = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    interval: Interval = eqx.field(converter=as_interval)
+    regressor: Regressor | None = None
+
+    def __check_init__(self) -> None:
+        require_interval(f"interval of {self.name}", self.interval)
+
+
+class System(eqx.Module):
+    """A second-order axis: `terms[0]` is its inertia, the others are functions of (y, ẏ).
+
+    Attributes:
+        terms: one per unknown parameter, m in all.
+        disturbance_bound: δ(y, ẏ), in the unit of the input.
+        input_unit: what u is measured in, for tables and axes.
+        coordinate: "linear" (m) or "rotary" (rad).
+    """
+
+    terms: tuple[Term, ...]
+    disturbance_bound: DisturbanceBound
+    input_unit: str = eqx.field(static=True, default="V")
+    coordinate: Literal["linear", "rotary"] = eqx.field(static=True, default="linear")
+
+    def __check_init__(self) -> None:
+        inertias = [term.name for term in self.terms if term.regressor is None]
+        require(
+            inertias == [self.terms[0].name] if self.terms else False,
+            "Argument `terms` must begin with the inertia, the only term whose regressor is "
+            f"None, but the terms without a regressor are {inertias}.",
+        )
+        require(
+            len(set(self.names)) == len(self.names),
+            f"Argument `terms` must have distinct names, but has {list(self.names)}.",
+        )
+        if is_concrete(self.terms[0].interval):
+            least = float(self.terms[0].interval[0])
+            require(
+                least > 0,
+                f"Argument `terms`: the inertia {self.terms[0].name} must be above zero all over "
+                f"its interval, but its lower end is {least:g}.",
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The m parameter names."""
+        return tuple(term.name for term in self.terms)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The m parameter units."""
+        return tuple(term.unit for term in self.terms)
+
+    @property
+    def lower(self) -> Float[Array, " m"]:
+        """θ_min."""
+        return jnp.stack([term.interval[0] for term in self.terms])
+
+    @property
+    def upper(self) -> Float[Array, " m"]:
+        """θ_max."""
+        return jnp.stack([term.interval[1] for term in self.terms])
+
+    @property
+    def half_widths(self) -> Float[Array, " m"]:
+        """Half the width of Ω_θ, parameter by parameter."""
+        return (self.upper - self.lower) / 2
+
+    @property
+    def centre(self) -> Float[Array, " m"]:
+        """The centre of Ω_θ."""
+        return (self.upper + self.lower) / 2
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """The parameters whose regressors are bounded by samples only."""
+        return tuple(t.name for t in self.terms if t.regressor and not t.regressor.proved)
+
+    def index(self, name: str) -> int:
+        """The place of a parameter in θ."""
+        require(
+            name in self.names,
+            f"Argument `name` must be one of {list(self.names)}, but is {name!r}.",
+        )
+        return self.names.index(name)
+
+    def forces(self, position: Motion, velocity: Motion) -> tuple[Motion, ...]:
+        """f₁ … f_{m−1}: all regressors but the acceleration."""
+        return tuple(
+            term.regressor(position, velocity) for term in self.terms if term.regressor is not None
+        )
+
+    def force_ranges(self, position: Range, velocity: Range) -> tuple[Range, ...]:
+        """What f₁ … f_{m−1} can be while position and velocity stay in their ranges."""
+        return tuple(
+            term.regressor.range(position, velocity)
+            for term in self.terms
+            if term.regressor is not None
+        )
+
+    def regressors(
+        self, position: Motion, velocity: Motion, acceleration: Motion
+    ) -> tuple[Motion, ...]:
+        """φ(y, ẏ, ÿ) of (2), as m arrays of the motion's shape."""
+        return (acceleration, *self.forces(position, velocity))
+
+    def acceleration(
+        self, position: Motion, velocity: Motion, load: Motion, theta: Float[Array, " m"]
+    ) -> Motion:
+        """ÿ from (1) under `load` = u − Δ."""
+        return (load - dot(self.forces(position, velocity), theta[1:])) / theta[0]
+
+
+def softened(tree: Tree, speed: Motion) -> Tree:
+    """A system, or what holds one, with every jump spread over about `speed`: not for bounds."""
+    return jax.tree.map(
+        lambda node: node.softened(speed) if isinstance(node, Kinked) else node,
+        tree,
+        is_leaf=lambda node: isinstance(node, Kinked),
+    )

@@ -1,0 +1,1 @@
+"""Motions: piecewise-constant jerk, limits, and the linear conditions for keeping them."""

@@ -1,0 +1,194 @@
+"""The smallest error that any experiment and any estimator can guarantee before the data, proved.
+
+Whatever motion is run, u = Φ·centre may come from θ = centre + ν and from centre − ν alike if ν is
+in the box and |φ(y, ẏ, ÿ)ᵀν| ≤ δ(y, ẏ) at every state that the limits allow: then one of the two is
+missed by cᵀν (C. A. Micchelli and T. J. Rivlin, "A Survey of Optimal Recovery", 1977). The largest
+such cᵀν is a linear program with as many conditions as there are states.
+
+It is solved on a few states, and where its ν breaks a condition worst, a state is added. What is
+printed does not rest on those states: the excess s = max |φᵀν|/δ over all of them is bounded by
+interval arithmetic on ever smaller cells, and ν/s keeps every condition.
+
+The limits are those of the planned motion. A loop that leaves them a little may learn a little
+more, and data may be luckier than the worst ones; no design can count on either.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy.optimize import linprog
+
+from jaxid._checks import require_float64
+from jaxid.model.interval_arithmetic import Range, exactly, plus, scaled, size
+from jaxid.model.system import System
+from jaxid.motion.limits import Limits
+from jaxid.regression.worst_case import Norm
+
+_TOLERANCE = 1e-4  # relative, between the printed floor and what no proof could exceed
+_ROUNDED = 1e-9  # of a floor: far more than rounding leaves of any sum in it
+_ROUNDS = 40  # of adding states
+_CHUNK = 2048  # cells that are looked at together: one compilation
+_MOST = 200_000  # cells; with more the proof stops at a larger s
+
+Cells = Float[np.ndarray, "cells 4"]
+PerCell = Float[np.ndarray, " cells"]
+Vector = Float[np.ndarray, " m"]
+
+
+class Floor(NamedTuple):
+    """Of k functionals of θ.
+
+    Attributes:
+        value: no motion within the limits and no estimator can guarantee less, shape (k,).
+        above: the proof cannot give more than this, shape (k,).
+        dual: the ν that prove it, shape (k, m).
+        estimated: parameters whose regressors are a user's own, without bounds of their slopes: if
+            there are any, the floor is an estimate.
+    """
+
+    value: Float[Array, " k"]
+    above: Float[Array, " k"]
+    dual: Float[Array, "k m"]
+    estimated: tuple[str, ...] = ()
+
+
+def floor(system: System, limits: Limits, norm: Norm | None = None) -> Floor:
+    """The certified floor of a system under limits.
+
+    Args:
+        system: its regressors, δ and box.
+        limits: of position, velocity and acceleration; the others do not count.
+        norm: the functionals; without one, the m parameters themselves.
+    """
+    require_float64("system", system)
+    functionals = np.eye(len(system.names)) if norm is None else np.asarray(norm.functionals)
+    found = [_of_one(system, limits, c) for c in functionals]
+    value, above, dual = (jnp.asarray(np.stack(column)) for column in zip(*found, strict=True))
+    return Floor(value, above, dual, system.estimated)
+
+
+def _of_one(system: System, limits: Limits, functional: Vector) -> tuple[float, float, Vector]:
+    states = _corners(limits)
+    value, above, best = 0.0, np.inf, np.zeros_like(functional)
+    for _ in range(_ROUNDS):
+        nu = _on_states(system, limits, functional, states)
+        above = float(functional @ nu)
+        excess, worst = _excess(system, limits, nu)
+        if above / excess > value:
+            value, best = above / excess, nu / excess
+        if value >= (1 - _TOLERANCE) * above or not len(worst):
+            break
+        states = np.concatenate([states, worst])
+    return value * (1 - _ROUNDED), above, best
+
+
+def _corners(limits: Limits) -> Float[np.ndarray, "states 2"]:
+    """Positions and velocities to begin with."""
+    ends = (np.asarray(x) for x in (limits.position, limits.velocity))
+    y, v = (np.linspace(low, high, 9) for low, high in ends)
+    return np.stack([x.ravel() for x in np.meshgrid(y, v)], axis=1)
+
+
+def _on_states(
+    system: System, limits: Limits, functional: Vector, states: Float[np.ndarray, "states 2"]
+) -> Vector:
+    """The best ν for some states, each with both extreme accelerations."""
+    y, v = jnp.asarray(states.T)
+    delta = np.asarray(system.disturbance_bound(y, v))
+    forces = [np.asarray(force) for force in system.forces(y, v)]
+    phi = np.concatenate(
+        [
+            np.stack([np.full_like(delta, float(a)), *forces], axis=1) / delta[:, None]
+            for a in limits.acceleration
+        ]
+    )
+    box = np.asarray(system.half_widths)
+    scaled_rows = phi * box
+    solution = linprog(
+        -functional * box,
+        A_ub=np.concatenate([scaled_rows, -scaled_rows]),
+        b_ub=np.ones(2 * len(phi)),
+        bounds=(-1.0, 1.0),
+        method="highs",
+    )
+    assert solution.x is not None  # ν = 0 keeps all conditions, and the box is bounded
+    return np.clip(solution.x, -1.0, 1.0) * box  # the solver keeps bounds to a tolerance
+
+
+def _excess(
+    system: System, limits: Limits, nu: Vector
+) -> tuple[float, Float[np.ndarray, "states 2"]]:
+    """An upper bound of max |φᵀν|/δ over all states, at least 1, and states where it is largest."""
+    (y0, y1), (v0, v1) = np.asarray(limits.position), np.asarray(limits.velocity)
+    cells = np.array([[y0, y1, v0, v1]])
+    reached, proved, seen = 1.0, 1.0, [np.zeros((0, 3))]
+    while len(cells):
+        look = _looked_at(system, limits, nu, cells)
+        centres = np.stack([cells[:, :2].mean(axis=1), cells[:, 2:].mean(axis=1)], axis=1)
+        seen.append(np.column_stack([look.middle, centres])[np.argsort(-look.middle)[:4]])
+        reached = max(
+            reached, float(np.max(look.middle, where=np.isfinite(look.middle), initial=1.0))
+        )
+        undecided = look.upper > reached * (1 + _TOLERANCE / 4)
+        if 2 * np.sum(undecided) > _MOST:
+            undecided[:] = False
+        proved = max(proved, float(np.max(look.upper[~undecided], initial=0.0)))
+        cells = _halved(cells[undecided], (look.without_y < look.without_v)[undecided])
+    worst = np.concatenate(seen)
+    worst = worst[np.argsort(-worst[:, 0])]
+    breaking = (worst[:, 0] > 1.0) & np.isfinite(worst[:, 0])
+    return proved, worst[breaking][:8, 1:]
+
+
+class _Look(NamedTuple):
+    """|φᵀν|/δ of cells: bounds, values in the middle, bounds with one side of the cell removed."""
+
+    upper: PerCell
+    middle: PerCell
+    without_y: PerCell
+    without_v: PerCell
+
+
+def _looked_at(system: System, limits: Limits, nu: Vector, cells: Cells) -> _Look:
+    """In chunks of one size, so that there is one compilation."""
+    padded = np.concatenate([cells, np.repeat(cells[-1:], -len(cells) % _CHUNK, axis=0)])
+    parts = [
+        _ratios(system, limits, jnp.asarray(nu), jnp.asarray(padded[k : k + _CHUNK].T))
+        for k in range(0, len(padded), _CHUNK)
+    ]
+    return _Look(*np.concatenate([np.asarray(x) for x in parts], axis=1)[:, : len(cells)])
+
+
+@eqx.filter_jit
+def _ratios(
+    system: System, limits: Limits, nu: Float[Array, " m"], cells: Float[Array, "4 cells"]
+) -> Float[Array, "4 cells"]:
+    y, v = Range(cells[0], cells[1]), Range(cells[2], cells[3])
+    a = Range(*(jnp.broadcast_to(end, cells[0].shape) for end in limits.acceleration))
+    y_middle, v_middle = (exactly((x.lower + x.upper) / 2) for x in (y, v))
+    pairs = ((y, v), (y_middle, v_middle), (y_middle, v), (y, v_middle))
+    return jnp.stack([_ratio(system, nu, a, *pair) for pair in pairs])
+
+
+def _ratio(
+    system: System, nu: Float[Array, " m"], acceleration: Range, position: Range, velocity: Range
+) -> Float[Array, " cells"]:
+    """An upper bound of |φᵀν|/δ while the state stays in its ranges."""
+    ranges = (acceleration, *system.force_ranges(position, velocity))
+    total = plus(*(scaled(factor, x) for factor, x in zip(nu, ranges, strict=True)))
+    ratio = size(total).upper / system.disturbance_bound.range(position, velocity).lower
+    return jnp.where(jnp.isnan(ratio), jnp.inf, ratio)  # what is unknown is not bounded
+
+
+def _halved(cells: Cells, across_y: Bool[np.ndarray, " cells"]) -> Float[np.ndarray, "halves 4"]:
+    """Each cut in two: where position makes the bound wide across it, elsewhere across velocity."""
+    first, last = np.where(across_y, 0, 2), np.where(across_y, 1, 3)
+    row = np.arange(len(cells))
+    middle = (cells[row, first] + cells[row, last]) / 2
+    low, high = cells.copy(), cells.copy()
+    low[row, last] = middle
+    high[row, first] = middle
+    return np.concatenate([low, high])

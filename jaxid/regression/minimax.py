@@ -1,0 +1,284 @@
+"""Minimax weights: the least worst-case error that any estimator can guarantee, and its proof.
+
+For a functional cᵀθ of a θ in the box of half-widths b, weights g have the worst-case error
+
+    Σ_k |g_k| δ_k + Σ_j b_j |c − Φᵀg|_j.
+
+Its minimum over g is a linear program, and so is the dual of that,
+
+    max cᵀν   with   |φ_kᵀν| ≤ δ_k in every row k   and   |ν_j| ≤ b_j.
+
+Any g is an upper bound of both and any feasible ν a lower one. The lower one holds for estimators
+of every kind: u = Φ·centre may come from θ = centre + ν and from centre − ν alike, and one of them
+is missed by cᵀν (C. A. Micchelli and T. J. Rivlin, "A Survey of Optimal Recovery", 1977).
+
+In units of the bounds, z_j = ν_j/b_j, x_k = g_k δ_k, and the terms b_j·(c − Φᵀg)_j as m more
+entries of x, the box is nothing but m more rows:
+
+    min ‖x‖₁ with A x = d,     max dᵀz with |a_kᵀz| ≤ 1 for every column a_k of A = [b∘φ_k/δ_k, I],
+
+with d = b∘c. An optimal x has no more than m entries, and those of m columns determine all: x from
+A x = d, z from a_kᵀz = sign x_k. While another column has |a_kᵀz| > 1, the worst of them replaces
+one of the m: the simplex method, or Remez's exchange. A step solves m × m systems and reads A once.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.lax import stop_gradient
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxid._checks import is_concrete, require, require_float64
+from jaxid._types import Scalar, dot
+from jaxid.loop.record import Rows
+from jaxid.model.system import Tree
+from jaxid.regression.worst_case import Norm, affine_worst_case_error, bias
+
+_GAP = 1e-11  # relative, small enough to stop
+_STEPS = 100  # at most; 5 to 20 are usual
+_ROUNDED = 1e-13  # by which |aᵀz| may be above 1
+_TILT = 1e-12  # of d, so that no entry of x is zero and no step in vain
+
+
+class Optimum(eqx.Module):
+    """The least worst-case errors of k functionals, each between two values that prove each other.
+
+    Attributes:
+        error: of `weights`, exactly but for rounding, which is added: shape (k,), in the units of
+            the functionals.
+        floor: what no estimator can guarantee less than before the data, rounding taken off.
+        weights: g of the affine estimators centre + g(u − Φ·centre), shape (k, n).
+        dual: the ν that prove the floors, shape (k, m): within the bounds ν and −ν look alike.
+        steps: of the exchange, shape (k,).
+    """
+
+    error: Float[Array, " k"]
+    floor: Float[Array, " k"]
+    weights: Float[Array, "k n"]
+    dual: Float[Array, "k m"]
+    steps: Int[Array, " k"]
+
+    @property
+    def gap(self) -> Float[Array, " k"]:
+        """By how much of itself each error is above the least possible one, at most."""
+        return (self.error - self.floor) / self.error
+
+
+def minimax(rows: Rows, half_widths: Float[Array, " m"], norm: Norm | None = None) -> Optimum:
+    """Weights of the least worst-case error over all |Δ_k| ≤ δ_k and all θ in the box.
+
+    However the search ends, `error` is that of the weights and `floor` that of a feasible ν. Both
+    have the derivatives of the optimum, with weights and ν as constants (envelope theorem), and no
+    second ones:
+
+        ∂r/∂φ_k = −g_k ν,   ∂r/∂δ_k = |g_k|,   ∂r/∂b_j = |c − Φᵀg|_j,   ∂r/∂c = ν.
+
+    Where several weights are optimal these are one of several subgradients.
+
+    Args:
+        rows: of one motion or record, δ above zero in every row that has a measure. Otherwise the
+            measure does not count: a row is not worth more for standing for more time.
+        half_widths: b of the prior box, above zero, in the units of the parameters.
+        norm: the functionals; without one, the m parameters themselves.
+
+    Raises:
+        ValueError: if anything is not float64, or a δ or b is not above zero and finite.
+    """
+    require_float64("rows", rows)
+    require_float64("half_widths", half_widths)
+    if is_concrete((rows, half_widths)):
+        _require_bounded(rows, half_widths)
+    return _minimax(rows, half_widths, Norm(jnp.eye(half_widths.size)) if norm is None else norm)
+
+
+@eqx.filter_jit
+def _minimax(rows: Rows, half_widths: Float[Array, " m"], norm: Norm) -> Optimum:
+    fixed = stop_gradient((rows, half_widths, norm))
+    weights, direction, steps = _optimal(*fixed)
+    dual = _feasible(direction, *fixed[:2])
+    remainder = bias(weights, fixed[0], fixed[2])
+    slope = _lagrangian(weights, dual, remainder, rows, half_widths, norm)
+    slope = slope - stop_gradient(slope)  # zero, but not its derivative
+    error = affine_worst_case_error(weights, *fixed) + _rounding(weights, *fixed)
+    parts = fixed[2].functionals * dual
+    floor = jnp.sum(parts, axis=1) - _relative(parts) * jnp.sum(jnp.abs(parts), axis=1)
+    return Optimum(error + slope, floor + slope, weights, dual, steps)
+
+
+def _lagrangian(
+    weights: Float[Array, "k n"],
+    dual: Float[Array, "k m"],
+    remainder: Float[Array, "k m"],
+    rows: Rows,
+    half_widths: Float[Array, " m"],
+    norm: Norm,
+) -> Float[Array, " k"]:
+    """Σ|g|δ + |remainder|·b + ν·(c − Φᵀg): its slope at the optimum is that of the least error."""
+    paid = jnp.abs(weights) @ rows.delta + jnp.abs(remainder) @ half_widths
+    return paid + jnp.sum(dual * bias(weights, rows, norm), axis=1)
+
+
+def _optimal(
+    rows: Rows, half_widths: Float[Array, " m"], norm: Norm
+) -> tuple[Float[Array, "k n"], Float[Array, "k m"], Int[Array, " k"]]:
+    """Weights, ν up to a factor, and the steps they took."""
+    columns, delta = _counted(rows)
+    scaled = jnp.stack([b * x / delta for b, x in zip(half_widths, columns, strict=True)])
+    A = jnp.concatenate([scaled, jnp.eye(half_widths.size)], axis=1)
+    x, z, steps = jax.vmap(_exchange, (None, 0))(A, half_widths[None, :] * norm.functionals)
+    return x[:, : delta.size] / delta[None, :], z * half_widths[None, :], steps
+
+
+def _counted(rows: Rows) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, " n"]]:
+    """Columns and δ, with 0 ≤ 1 in rows that have no measure."""
+    counts = rows.measure > 0
+    columns = tuple(jnp.where(counts, column, 0.0) for column in rows.columns)
+    return columns, jnp.where(counts, rows.delta, 1.0)
+
+
+def _feasible(
+    direction: Float[Array, "k m"], rows: Rows, half_widths: Float[Array, " m"]
+) -> Float[Array, "k m"]:
+    """The longest ν of each direction that keeps all bounds, in spite of rounding."""
+    columns, delta = _counted(rows)
+    rounded = _relative(direction)
+
+    def shortened(nu: Float[Array, " m"]) -> Float[Array, " m"]:
+        uncertain = rounded * dot([jnp.abs(column) for column in columns], jnp.abs(nu))
+        size = jnp.max((jnp.abs(dot(columns, nu)) + uncertain) / delta)
+        size = jnp.maximum(size, (1 + rounded) * jnp.max(jnp.abs(nu) / half_widths))
+        return nu / jnp.where(size > 0, size, 1.0)
+
+    return jax.vmap(shortened)(direction)
+
+
+def _rounding(
+    weights: Float[Array, "k n"], rows: Rows, half_widths: Float[Array, " m"], norm: Norm
+) -> Float[Array, " k"]:
+    """How much rounding may hide of a worst-case error: a share of the sum of all its parts."""
+    sizes = eqx.tree_at(lambda r: r.columns, rows, tuple(jnp.abs(c) for c in rows.columns))
+    functionals = -jnp.abs(norm.functionals)  # so that nothing cancels
+    parts = affine_worst_case_error(jnp.abs(weights), sizes, half_widths, Norm(functionals))
+    return _relative(functionals) * parts
+
+
+def _relative(vectors: Float[Array, "k m"]) -> float:
+    """More than a sum of products over m entries, as ν or the m weights of a row, can be off."""
+    return (vectors.shape[1] + 4) * float(jnp.finfo(vectors.dtype).eps)
+
+
+class _Primal(NamedTuple):
+    """The m entries of an x, and where they are."""
+
+    columns: Int[Array, " m"]
+    x: Float[Array, " m"]
+    error: Scalar
+
+    def or_better(self, other: "_Primal") -> "_Primal":
+        return _chosen(other.error < self.error, other, self)
+
+
+class _Dual(NamedTuple):
+    """A z within its bounds."""
+
+    z: Float[Array, " m"]
+    floor: Scalar
+
+    def or_better(self, other: "_Dual") -> "_Dual":
+        return _chosen(other.floor > self.floor, other, self)
+
+
+def _chosen(condition: Bool[Array, ""], new: Tree, old: Tree) -> Tree:
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
+
+
+class _State(NamedTuple):
+    """Of the exchange: the columns that may have weight next, the tilt of d, and the best so far.
+
+    Best x and best z may be of different steps.
+    """
+
+    columns: Int[Array, " m"]
+    tilt: Scalar
+    primal: _Primal
+    dual: _Dual
+    steps: Int[Array, ""]
+    open: Bool[Array, ""]
+
+
+def _exchange(
+    A: Float[Array, "m N"], d: Float[Array, " m"]
+) -> tuple[Float[Array, " N"], Float[Array, " m"], Int[Array, ""]]:
+    """X with A x = d of least ‖x‖₁, and z with ‖Aᵀz‖_∞ = 1 that proves it; A ends with I."""
+    m, N = A.shape
+    # one that no data lie in; the tilt is gone in the end
+    direction = jnp.max(jnp.abs(d)) * (1 + (jnp.arange(1.0, m + 1) * jnp.sqrt(5.0)) % 1)
+
+    def step(state: _State) -> _State:
+        """Exchange one column, or have done."""
+        columns, tilt = state.columns, state.tilt
+        basis = A[:, columns]
+        inverse = jnp.linalg.inv(basis)
+        x = inverse @ d
+        tilted = x + tilt * (inverse @ direction)
+        z = jnp.where(tilted >= 0, 1.0, -1.0) @ inverse
+        reach = z @ A
+        entering = jnp.argmax(jnp.abs(reach))
+        excess = jnp.abs(reach[entering])
+        missed = jnp.sum(jnp.abs(d - basis @ x))  # by rounding: left to the box
+        primal = state.primal.or_better(_Primal(columns, x, jnp.sum(jnp.abs(x)) + missed))
+        dual = state.dual.or_better(_Dual(z / excess, z @ d / excess))
+        optimal = excess <= 1 + _ROUNDED
+        change = inverse @ A[:, entering] * jnp.sign(reach[entering])
+        exchanged = columns.at[_leaving(tilted, change, excess)].set(entering)
+        return _State(
+            jnp.where(optimal, columns, exchanged),
+            jnp.where(optimal, 1e-3 * tilt, tilt),
+            primal,
+            dual,
+            state.steps + 1,
+            (primal.error - dual.floor > _GAP * primal.error)
+            & jnp.isfinite(excess)
+            & (~optimal | (tilt > 1e-6 * _TILT)),
+        )
+
+    box = jnp.arange(N - m, N)
+    start = _State(
+        box,
+        jnp.asarray(_TILT),
+        _Primal(box, d, jnp.sum(jnp.abs(d))),
+        _Dual(jnp.zeros(m), jnp.zeros(())),
+        jnp.asarray(0),
+        jnp.asarray(True),
+    )
+    end = jax.lax.while_loop(lambda s: s.open & (s.steps < _STEPS), step, start)
+    return jnp.zeros(N).at[end.primal.columns].set(end.primal.x), end.dual.z, end.steps
+
+
+def _leaving(x: Float[Array, " m"], change: Float[Array, " m"], excess: Scalar) -> Int[Array, ""]:
+    """Which entry is zero where ‖x − t·change‖₁ + t is least: it falls by excess − 1 at first.
+
+    Each |x_j| that passes zero adds 2·|change_j| to the slope.
+    """
+    shrinks = jnp.sign(x) * change > 0
+    zero = jnp.where(shrinks, x / jnp.where(shrinks, change, 1.0), jnp.inf)
+    order = jnp.argsort(zero)
+    slope = 1 - excess + 2 * jnp.cumsum(jnp.where(shrinks, jnp.abs(change), 0.0)[order])
+    return order[jnp.argmax(slope >= 0)]
+
+
+def _require_bounded(rows: Rows, half_widths: Float[Array, " m"]) -> None:
+    bounded = (rows.delta > 0) & jnp.isfinite(rows.delta) | (rows.measure <= 0)
+    row = int(jnp.argmin(bounded))
+    require(
+        bool(jnp.all(bounded)),
+        "Argument `rows` must have a finite δ above zero in every row that has a measure, but "
+        f"delta[{row}] is {float(rows.delta[row]):g}.",
+    )
+    require(
+        bool(jnp.all((half_widths > 0) & jnp.isfinite(half_widths))),
+        "Argument `half_widths` of the prior box must be finite and above zero, but is "
+        f"{half_widths.tolist()}.",
+    )

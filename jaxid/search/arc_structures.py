@@ -1,0 +1,170 @@
+"""Starts made of dwells: constant speeds in some order with fast changes in between.
+
+Good motions dwell: at top speed, just above a threshold of δ, at rest. Which speeds in which order
+is a question that gradients do not answer. A motion of dwells has few numbers, so it can be evolved
+by values of the objective alone: many small populations, each of which finds an order of its own.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from jaxid._types import Scalar
+from jaxid.motion.limits import Limits
+from jaxid.motion.motion_space import MotionSpace
+from jaxid.search.problem import Problem
+
+# dwells per motion, motions per population, and populations per batch
+_DWELLS, MEMBERS, _POPULATIONS = 7, 12, 8
+# uniform numbers that a child is made from: drawn together, since every draw costs compilation
+_CHOICES = 8 + _DWELLS
+# corners that evolution does not see: the descent that follows begins with the same
+_SMOOTHING = 0.003
+
+
+class Dwells(NamedTuple):
+    """Speeds that are held one after the other.
+
+    Attributes:
+        speeds: in order, m/s or rad/s.
+        shares: of the time that the changes of speed leave, in any unit; not negative.
+    """
+
+    speeds: Float[Array, "*batch k"]
+    shares: Float[Array, "*batch k"]
+
+
+def evolved(
+    key: PRNGKeyArray, problem: Problem, space: MotionSpace, count: int, generations: int
+) -> Float[Array, "count d"]:
+    """The best motion of dwells of each of `count` populations.
+
+    Args:
+        key: of the random choices.
+        problem: for its objective and limits.
+        space: that the motions are projected onto.
+        count: of populations.
+        generations: of each.
+    """
+    # one compilation for a batch, whatever the number of populations
+    keys = jax.random.split(key, -(-count // _POPULATIONS))
+    batches = [_evolve(key, problem, space, generations) for key in keys]
+    return jnp.concatenate(batches)[:count]
+
+
+@eqx.filter_jit
+def _evolve(
+    key: PRNGKeyArray, problem: Problem, space: MotionSpace, generations: int
+) -> Float[Array, "populations d"]:
+    limits, count = problem.limits, _POPULATIONS
+
+    def coordinates(dwells: Dwells) -> Float[Array, " d"]:
+        return space.coordinates(jerk_of(dwells, limits, space))
+
+    def merit(dwells: Dwells) -> Scalar:
+        return problem.merit(space.trajectory(coordinates(dwells)), _SMOOTHING)
+
+    def merits(dwells: Dwells) -> Float[Array, "populations members"]:
+        flat = jax.tree.map(lambda x: x.reshape(-1, _DWELLS), dwells)
+        return jax.lax.map(merit, flat, batch_size=16).reshape(count, MEMBERS)
+
+    def generation(
+        carry: tuple[Dwells, Float[Array, "populations members"]], key: PRNGKeyArray
+    ) -> tuple[tuple[Dwells, Float[Array, "populations members"]], None]:
+        """Each member, or a better one of its population, has a child that may replace it."""
+        members, values = carry
+        u = jax.random.uniform(key, (*values.shape, 2 + _CHOICES))
+        met, mate = jnp.moveaxis(_choice(u[..., :2], MEMBERS), -1, 0)
+        better = jnp.take_along_axis(values, met, axis=1) < values
+        own = jnp.broadcast_to(jnp.arange(MEMBERS), values.shape)
+        parents = _take(members, jnp.where(better, met, own))
+        vary = jax.vmap(jax.vmap(_child, (0, 0, 0, None)), (0, 0, 0, None))
+        children = vary(u[..., 2:], parents, _take(members, mate), limits)
+        reached = merits(children)
+        kept = jax.tree.map(
+            lambda child, own: jnp.where((reached < values)[..., None], child, own),
+            children,
+            members,
+        )
+        return (kept, jnp.minimum(reached, values)), None
+
+    keys = jax.random.split(key, generations + 1)
+    u = jax.random.uniform(keys[0], (4, count, MEMBERS, _DWELLS))
+    members = Dwells(_random_speed(u[0], u[1], u[2], limits), -jnp.log1p(-u[3]))
+    unknown = jnp.full((count, MEMBERS), jnp.inf)  # so that every first child is taken
+    (members, values), _ = jax.lax.scan(generation, (members, unknown), keys[1:])
+    best = _take(members, jnp.argmin(values, axis=1)[:, None])
+    return jax.vmap(lambda one: coordinates(jax.tree.map(lambda x: x[0], one)))(best)
+
+
+def jerk_of(dwells: Dwells, limits: Limits, space: MotionSpace) -> Float[Array, " n"]:
+    """The jerk of a motion of dwells, from the start's speed and back to rest.
+
+    Every change of speed is as fast as whole intervals and the limits allow: r intervals of jerk, c
+    of constant acceleration, r of the opposite jerk. Where it ends is left to the projection.
+
+    Args:
+        dwells: one motion.
+        limits: of acceleration and jerk.
+        space: for the start and the intervals; padding gets no jerk.
+    """
+    period, intervals = space.durations[0], jnp.sum(space.durations > 0)
+    fastest = jnp.min(jnp.abs(limits.acceleration))
+    jerk = jnp.min(jnp.abs(limits.jerk))
+    change = jnp.diff(dwells.speeds, prepend=space.start[1], append=0.0)
+    size = jnp.abs(change)
+    longest = jnp.ceil(fastest / (jerk * period))
+    r = jnp.clip(jnp.floor(jnp.sqrt(size / jerk) / period), 1.0, longest)
+    peak = jnp.minimum(fastest, jerk * r * period)
+    c = jnp.maximum(jnp.ceil(size / (peak * period)) - r, 0.0)
+    length = jnp.where(size > 0, 2 * r + c, 0.0)
+    left = jnp.maximum(intervals - jnp.sum(length), 0.0)
+    held = jnp.cumsum(dwells.shares) / jnp.maximum(jnp.sum(dwells.shares), 1e-12) * left
+    begin = jnp.cumsum(length) - length + jnp.append(0.0, jnp.round(held))
+    heights = change / ((r + c) * period)
+
+    def acceleration(knot: Scalar) -> Scalar:
+        since = jnp.minimum(knot, intervals) - begin
+        return heights @ jnp.clip(jnp.minimum(since, length - since) / r, 0.0, 1.0)
+
+    return jnp.diff(jax.vmap(acceleration)(jnp.arange(space.durations.size + 1.0))) / period
+
+
+def _child(u: Float[Array, " choices"], parent: Dwells, mate: Dwells, limits: Limits) -> Dwells:
+    """The parent with other shares, with another speed, continued as its mate, or two swapped."""
+    speeds, shares = parent
+    i, j = _choice(u[0], _DWELLS), _choice(u[1], _DWELLS)
+    spread = 10.0 ** (2.0 * u[2] - 2.0)
+    factors = jnp.exp(spread * (4.0 * u[-_DWELLS:] - 2.0))
+    moved = u[3] * shares[i]
+    tuned = jnp.clip(speeds.at[i].multiply(factors[i]), *limits.velocity)
+    first = jnp.arange(_DWELLS) < i
+    kinds = (
+        Dwells(speeds, shares * factors),
+        Dwells(speeds, shares.at[i].add(-moved).at[j].add(moved)),
+        Dwells(speeds.at[i].set(_random_speed(u[4], u[5], u[6], limits)), shares),
+        Dwells(tuned, shares),
+        jax.tree.map(lambda a, b: jnp.where(first, a, b), parent, mate),
+        jax.tree.map(lambda x: x.at[i].set(x[j]).at[j].set(x[i]), parent),
+    )
+    kind = _choice(u[7], len(kinds))
+    return jax.tree.map(lambda *options: jnp.stack(options)[kind], *kinds)
+
+
+def _random_speed(kind: Array, sign: Array, size: Array, limits: Limits) -> Float[Array, "..."]:
+    """A third at a limit, a tenth at rest, the others log-uniform over two decades below."""
+    extreme = jnp.where(sign < 0.5, *limits.velocity)
+    slower = extreme * 10.0 ** (-2.0 * size)
+    return jnp.select([kind < 0.35, kind < 0.9], [extreme, slower], 0.0)
+
+
+def _choice(u: Array, count: int) -> Array:
+    """A whole number below `count` from a uniform one below 1."""
+    return jnp.floor(u * count).astype(int)
+
+
+def _take(members: Dwells, which: Array) -> Dwells:
+    return jax.tree.map(lambda x: jnp.take_along_axis(x, which[..., None], axis=1), members)

@@ -1,0 +1,146 @@
+"""Improve one motion, for any objective and with limits on the axis itself: design through a loop.
+
+A good motion is easily destroyed, so the search is warm: quasi-Newton steps with a line search on
+penalties, then linear programs, and nothing but an admissible improvement is ever accepted.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Float
+
+from jaxid._types import Scalar
+from jaxid.motion.motion_space import MotionSpace, motion_space
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.search.frozen_loop import frozen
+from jaxid.search.problem import Multipliers, Problem
+from jaxid.search.restoration import inside
+from jaxid.search.slp import polish, repaired
+
+_ROUNDED = 1e-9  # of the objective: less is no improvement
+Report = Callable[[str], None]
+
+
+class Effort(NamedTuple):
+    """How long to improve.
+
+    Attributes:
+        rounds: of quasi-Newton steps; after each the multipliers of the limits are updated. With 0
+            nothing but linear programs is done.
+        steps: quasi-Newton steps per round.
+        smoothing: of the objective's corners in these steps.
+        penalty: of a squared violation, in half-widths, against the objective.
+        polish_steps: linear programs per smoothing of the polish.
+    """
+
+    rounds: int = 8
+    steps: int = 40
+    smoothing: float = 0.001
+    penalty: float = 30.0
+    polish_steps: int = 40
+
+
+class Refined(NamedTuple):
+    """A motion that keeps every limit, no worse than the one it began from.
+
+    Attributes:
+        trajectory: the motion.
+        value: of the objective, unsmoothed.
+        history: the value at the start and after each stage that improved it.
+    """
+
+    trajectory: JerkTrajectory
+    value: float
+    history: tuple[float, ...]
+
+
+def refine(
+    problem: Problem,
+    start: JerkTrajectory,
+    effort: Effort = Effort(),
+    report: Report = lambda message: None,
+) -> Refined:
+    """The start, walked back into the limits if it leaves them, and improved.
+
+    Args:
+        problem: objective, limits and what the axis does.
+        start: a motion of intervals of equal duration, without padding.
+        effort: how long to improve.
+        report: told what goes on, a few words at a time.
+
+    Raises:
+        ValueError: if not even the motion that stays farthest inside its limits keeps those of the
+            axis.
+    """
+    intervals, period = start.jerk.size, float(start.durations[0])
+    deep = inside(problem, intervals, period)
+    space = motion_space(problem.limits, problem.boundary, intervals, period)
+    best = repaired(problem, deep, start)
+    history = [float(problem.value(best))]
+
+    def accept(candidate: JerkTrajectory) -> None:
+        nonlocal best
+        value = float(problem.value(candidate))
+        if value < history[-1] - _ROUNDED and float(problem.violation(candidate)) <= 0:
+            best = candidate
+            history.append(value)
+
+    if effort.rounds:
+        report("quasi-Newton steps")
+        z = space.coordinates(best.jerk)
+        found = space.trajectory(_quasi_newton(_still(problem, best), space, z, effort))
+        if jnp.all(jnp.isfinite(found.jerk)):  # where an objective has no slope the search is lost
+            accept(repaired(problem, deep, found))
+    report("linear programs")
+    accept(polish(problem, deep, best, effort.polish_steps))
+    return Refined(best, history[-1], tuple(history))
+
+
+def _still(problem: Problem, trajectory: JerkTrajectory) -> Problem:
+    """The problem with what the axis adds to its motion taken as fixed: limits need no loop."""
+    if problem.axis is None:
+        return problem
+    axis = frozen(problem.axis, problem.limits, trajectory)
+    return eqx.tree_at(lambda p: p.axis, problem, axis)
+
+
+@eqx.filter_jit
+def _quasi_newton(
+    problem: Problem, space: MotionSpace, z: Float[Array, " d"], effort: Effort
+) -> Float[Array, " d"]:
+    """L-BFGS with a line search on an augmented Lagrangian."""
+    penalty, smoothing = jnp.asarray(effort.penalty), jnp.asarray(effort.smoothing)
+    method = optax.lbfgs()
+
+    def round_of_steps(
+        carry: tuple[Float[Array, " d"], Multipliers], _: None
+    ) -> tuple[tuple[Float[Array, " d"], Multipliers], None]:
+        """Steps with the multipliers fixed, which are pushed then."""
+        z, multipliers = carry
+
+        def lagrangian(z: Float[Array, " d"]) -> Scalar:
+            return problem.lagrangian(space.trajectory(z), multipliers, penalty, smoothing)
+
+        value_and_grad = optax.value_and_grad_from_state(lagrangian)
+
+        def step(
+            carry: tuple[Float[Array, " d"], optax.OptState], _: None
+        ) -> tuple[tuple[Float[Array, " d"], optax.OptState], None]:
+            """One step, its length by a line search."""
+            z, state = carry
+            value, grad = value_and_grad(z, state=state)
+            update, state = method.update(
+                grad, state, z, value=value, grad=grad, value_fn=lagrangian
+            )
+            return (eqx.apply_updates(z, update), state), None
+
+        z = jax.lax.scan(step, (z, method.init(z)), length=effort.steps)[0][0]
+        return (z, problem.pushed(space.trajectory(z), multipliers, penalty)), None
+
+    nothing = jax.tree.map(jnp.zeros_like, problem.excess(space.trajectory(z)))
+    (z, _), _ = jax.lax.scan(round_of_steps, (z, nothing), length=effort.rounds)
+    return z

@@ -1,0 +1,213 @@
+"""Search by gradients for the motion that minimises any scalar function of it, under limits (16).
+
+The objective is a value: a function of a trajectory and a smoothing. Nothing here knows what it
+computes, so the same search designs through a closed loop or on a parabola.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from jaxid._types import Scalar
+from jaxid.motion.motion_space import MotionSpace, motion_space, trimmed
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.search.arc_structures import evolved
+from jaxid.search.augmented_lagrangian import LAST_SMOOTHING, descend
+from jaxid.search.initial_guesses import grown, random_starts, rearranged
+from jaxid.search.problem import Objective, Problem, Task
+from jaxid.search.restoration import inside, walk
+from jaxid.search.slp import SMOOTHINGS, polish
+
+Report = Callable[[str], None]
+Show = Callable[[JerkTrajectory], None]
+
+
+class Effort(NamedTuple):
+    """How long to search.
+
+    Attributes:
+        starts: motions that are improved together, at the beginning.
+        generations: of motions made of dwells, before the first descent; with 0 these starts are
+            random too.
+        stages: of a descent; each goes on with the better half.
+        steps: of gradient descent per stage.
+        rounds: of rearranging the best and descending again.
+        variations: motions that are improved together in a round. In the same time four rounds of
+            32 reached further than two of 64 or eight of 16.
+        parents: how many of the best are rearranged.
+        polished: how many of the best are polished by linear programs.
+        polish_steps: linear programs per polish and smoothing.
+        smoothings: of the objective in a polish.
+    """
+
+    starts: int = 64
+    generations: int = 100
+    stages: int = 3
+    steps: int = 240
+    rounds: int = 4
+    variations: int = 32
+    parents: int = 8
+    polished: int = 2
+    polish_steps: int = 40
+    smoothings: tuple[float, ...] = SMOOTHINGS
+
+
+class Design(NamedTuple):
+    """A motion that keeps every limit exactly, and how it was found.
+
+    Attributes:
+        trajectory: the motion.
+        value: of the objective, unsmoothed.
+        history: the best objective among the admissible starts after each descent.
+    """
+
+    trajectory: JerkTrajectory
+    value: float
+    history: tuple[float, ...]
+
+
+class _Pool(NamedTuple):
+    """Admissible motions, best first, and the objective of each."""
+
+    trajectories: JerkTrajectory
+    values: Float[Array, " k"]
+
+
+def design(
+    objective: Objective,
+    task: Task,
+    key: PRNGKeyArray,
+    *,
+    fine: Objective | None = None,
+    shorter: JerkTrajectory | None = None,
+    effort: Effort = Effort(),
+    report: Report = lambda message: None,
+    show: Show = lambda trajectory: None,
+) -> Design:
+    """The best motion that many starts find together, and a polish of the best few.
+
+    Args:
+        objective: of a trajectory and a smoothing; of order one, so the log of a positive quantity.
+            Any function; those of one kind share a compilation as an `equinox.Module`, or as
+            `jax.tree_util.Partial(function, data)`.
+        task: what the motion must do.
+        key: for the starts.
+        fine: the same objective on a finer grid, for the polish and the choice; default the same.
+        shorter: a good motion with fewer intervals: some of the starts are longer copies of it.
+        effort: how long to search.
+        report: told what goes on, a few words at a time.
+        show: handed the best admissible motion after each descent, and each polished one.
+
+    Raises:
+        InfeasibleError: if no motion of this length keeps the limits.
+    """
+    problem, (limits, boundary, intervals, period, _, size) = task.problem(objective), task
+    deep = inside(problem, intervals, period, size)
+    space = motion_space(limits, boundary, intervals, period, size)
+    first, *keys = jax.random.split(key, effort.rounds + 1)
+    report("evolution of dwells")
+    z = _first_starts(first, problem, space, intervals, shorter, effort)
+    pool, history = None, []
+    for k in range(effort.rounds + 1):
+        if pool is not None:
+            z = _variations(keys[k - 1], pool, task, space, effort)
+        report(f"descent {k + 1} of {effort.rounds + 1}")
+        z = descend(problem, space, z, effort.stages, effort.steps)
+        found = _admissible(problem, deep, space, z)
+        pool = found if pool is None else _best(pool, found)
+        history.append(float(pool.values[0]))
+        show(_pick(pool, 0))
+    assert pool is not None
+    exact = problem if fine is None else task.problem(fine)
+    value, best = _polished(exact, deep, pool, effort, report, show)
+    return Design(trimmed(best), value, tuple(history))
+
+
+def _variations(
+    key: PRNGKeyArray, pool: _Pool, task: Task, space: MotionSpace, effort: Effort
+) -> Float[Array, "starts d"]:
+    """The best motions, and each rearranged."""
+    count = min(effort.parents, pool.values.size)
+    parents = [_pick(pool, i).jerk[: task.intervals] for i in range(count)]
+    fastest = float(jnp.max(jnp.abs(task.limits.acceleration)))
+    return rearranged(key, space, parents, task.period, fastest, effort.variations)
+
+
+def _polished(
+    problem: Problem,
+    deep: JerkTrajectory,
+    pool: _Pool,
+    effort: Effort,
+    report: Report,
+    show: Show,
+) -> tuple[float, JerkTrajectory]:
+    polished = []
+    for k in range(min(effort.polished, pool.values.size)):
+        report(f"polish {k + 1} of {effort.polished}")
+        motion = polish(problem, deep, _pick(pool, k), effort.polish_steps, effort.smoothings)
+        reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
+        polished.append((float(reached), k, motion))
+        show(motion)
+    value, _, best = min(polished)  # k decides between equals
+    return value, best
+
+
+def _first_starts(
+    key: PRNGKeyArray,
+    problem: Problem,
+    space: MotionSpace,
+    intervals: int,
+    shorter: JerkTrajectory | None,
+    effort: Effort,
+) -> Float[Array, "starts d"]:
+    """An eighth random, the others of dwells; half of the latter give way to longer copies."""
+    keys = jax.random.split(key, 3)
+    made = effort.starts - effort.starts // 8
+    copies = 0 if shorter is None else made // 2
+    dwells = made - copies if effort.generations else 0
+    parts = [random_starts(keys[0], space, effort.starts - dwells - copies)]
+    if dwells:
+        parts.append(evolved(keys[1], problem, space, dwells, effort.generations))
+    if copies:
+        assert shorter is not None
+        parts.append(grown(keys[2], space, [trimmed(shorter).jerk], intervals, copies))
+    return jnp.concatenate(parts)
+
+
+@eqx.filter_jit
+def _value(problem: Problem, trajectory: JerkTrajectory, smoothing: float) -> Scalar:
+    return problem.objective(trajectory, jnp.asarray(smoothing))
+
+
+@eqx.filter_jit
+def _admissible(
+    problem: Problem, deep: JerkTrajectory, space: MotionSpace, z: Float[Array, "starts d"]
+) -> _Pool:
+    """The starts walked back into the limits, best first."""
+
+    def one(z: Float[Array, " d"]) -> tuple[JerkTrajectory, Scalar]:
+        found = walk(problem, deep, space.trajectory(z))
+        return found, problem.objective(found, jnp.asarray(LAST_SMOOTHING))
+
+    return _sorted(_Pool(*jax.vmap(one)(z)))
+
+
+@eqx.filter_jit
+def _best(one: _Pool, other: _Pool) -> _Pool:
+    """As many as `other` holds, of both."""
+    both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), one, other)
+    return jax.tree.map(lambda x: x[: other.values.size], _sorted(both))
+
+
+def _sorted(pool: _Pool) -> _Pool:
+    # a motion that its walk could not make finite must not win by comparing as equal
+    order = jnp.argsort(jnp.nan_to_num(pool.values, nan=jnp.inf))
+    return jax.tree.map(lambda x: x[order], pool)
+
+
+def _pick(pool: _Pool, k: int) -> JerkTrajectory:
+    return jax.tree.map(lambda x: x[k], pool.trajectories)

@@ -1,0 +1,116 @@
+"""Ways back into the limits, those of the motion and, if a problem has them, those of the axis."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxid._checks import require
+from jaxid._types import Scalar
+from jaxid.motion.motion_space import InfeasibleError, interior
+from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.search.problem import Problem
+
+# half-widths: whoever recomputes the extrema in another order still finds the limits kept
+ROUNDING = 1e-14
+_CHORDS, _MOST_CHORDS = 5, 30  # of a step back, each a simulation of the axis
+_CLOSE = 1e-4  # of the room of the motion that is walked back to: no need to come closer to a limit
+_ROOMY = 0.02  # half-widths of every limit: a motion to walk back to needs no more
+
+
+def inside(
+    problem: Problem, intervals: int, period: float, size: int | None = None
+) -> JerkTrajectory:
+    """A motion strictly inside all limits.
+
+    The deepest within the limits of the motion; if the axis has hardly any room or leaves its own,
+    the deepest with less acceleration.
+
+    Args:
+        problem: its limits and boundary.
+        intervals: n, how many pieces of constant jerk.
+        period: T of each, s.
+        size: pad to this many intervals; default no padding.
+
+    Raises:
+        InfeasibleError: if no motion keeps its limits, which a linear program proves.
+        ValueError: if one does, but none was found whose axis keeps its own.
+    """
+    limits, deepest, beyond = problem.limits, None, float("inf")
+    for share in np.linspace(1.0, 0.4, 7):
+        gentler = eqx.tree_at(lambda x: x.acceleration, limits, share * limits.acceleration)
+        try:
+            found = interior(gentler, problem.boundary, intervals, period, size)
+        except InfeasibleError:
+            if deepest is None:
+                raise
+            break
+        if (outside := float(problem.violation(found))) < beyond:
+            deepest, beyond = found, outside
+        if problem.axis is None or beyond <= -_ROOMY:
+            break
+    if deepest is None or beyond >= 0:
+        raise ValueError(
+            f"Argument `limits`: the axis leaves them by {beyond:.2g} half-widths even on the "
+            f"gentlest motion tried ({intervals} intervals of {period:g} s): allow a longer motion."
+        )
+    return deepest
+
+
+@eqx.filter_jit
+def walk(problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory) -> JerkTrajectory:
+    """The last admissible motion on the way from a strictly admissible one to `candidate`.
+
+    The admissible motions are a convex set, so the share of the way is found by bisection, to the
+    last bit. With an axis that must be simulated `stepped_back` is quicker.
+    """
+
+    def at(share: Scalar) -> JerkTrajectory:
+        return _mixed(inside, candidate, share)
+
+    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        good, bad = ends
+        middle = (good + bad) / 2
+        kept = problem.violation(at(middle)) <= -ROUNDING
+        return jnp.where(kept, middle, good), jnp.where(kept, bad, middle)
+
+    whole = problem.violation(candidate) <= -ROUNDING
+    good, _ = jax.lax.fori_loop(0, 60, halve, (jnp.zeros(()), jnp.ones(())))
+    return eqx.tree_at(lambda t: t.jerk, inside, jnp.where(whole, candidate.jerk, at(good).jerk))
+
+
+def stepped_back(
+    problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory
+) -> JerkTrajectory:
+    """The candidate if it is admissible, or an admissible motion a little nearer to `inside`.
+
+    By regula falsi on the share of the way, in the Illinois form: an end that stays pulls half as
+    hard at the next chord.
+    """
+    bad, beyond = 0.0, float(problem.violation(candidate))
+    if beyond <= -ROUNDING:
+        return candidate
+    good, found, room = 1.0, inside, -float(problem.violation(inside))
+    require(
+        room >= ROUNDING,
+        f"Argument `inside` must keep all limits, but leaves them by {-room:.2g} half-widths.",
+    )
+    close = _CLOSE * room
+    for count in range(_MOST_CHORDS):
+        if good < 1.0 and (room < close or count >= _CHORDS):
+            break
+        share = bad + (good - bad) * beyond / (beyond + room)
+        middle = _mixed(candidate, inside, share)
+        outside = float(problem.violation(middle))
+        if outside <= -ROUNDING:
+            good, found, room, beyond = share, middle, -outside, beyond / 2
+        else:
+            bad, beyond, room = share, outside, room / 2
+    return found
+
+
+def _mixed(one: JerkTrajectory, other: JerkTrajectory, share: Scalar | float) -> JerkTrajectory:
+    return eqx.tree_at(lambda t: t.jerk, one, one.jerk + share * (other.jerk - one.jerk))

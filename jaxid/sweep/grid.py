@@ -1,0 +1,230 @@
+"""Closed loops over motions, gains and scenarios, each filtered with many bandwidths."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxid._checks import require
+from jaxid._types import Scalar
+from jaxid.loop.controllers import ARC, Controller, Delayed, PDFeedforward
+from jaxid.loop.disturbances import AgainstTracking, Disturbance, Mixture, random_shares
+from jaxid.loop.record import Record
+from jaxid.loop.sensors import Sensor
+from jaxid.loop.simulate import Plant, Signals, simulate
+from jaxid.model.system import System
+from jaxid.motion.motion_space import padded
+from jaxid.motion.trajectory import JerkTrajectory, padded_reference, ticks
+from jaxid.regression.estimate import least_squares_estimate
+from jaxid.regression.filters import filtered
+
+Tree = TypeVar("Tree")
+
+
+class Truth(eqx.Module):
+    """What the axis truly is, and how much of each disturbance acts on it.
+
+    Attributes:
+        theta: true parameters, shape (m,).
+        own: share of the axis's own disturbance, e.g. cogging.
+        random: share of δ of a force that is drawn anew at every tick.
+        against: share of δ of the adversary that pushes away from the reference.
+    """
+
+    theta: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
+    own: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+    random: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+    against: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+
+
+class Swept(NamedTuple):
+    """What a sweep goes through, each with every other; as the attributes of `Grid`, one by one."""
+
+    motions: Sequence[JerkTrajectory]
+    controllers: Sequence[Controller]
+    truths: Sequence[Truth]
+    bandwidths: Sequence[float]
+
+
+class Grid(eqx.Module):
+    """Every motion with every controller in every scenario: one item of a sweep each.
+
+    What is swept is stacked along a first axis, so that an item is a matter of indices and one
+    compilation serves all.
+
+    Attributes:
+        system: the axis as its identification knows it.
+        sensor: what the controllers see.
+        own: the disturbance that a truth may hold a share of; a function of the state.
+        motions: stacked, padded to one number of intervals.
+        ticks: of each motion, run once.
+        controllers: stacked, all of one kind.
+        rates: k₁ of each, the adversary pushing ė + k₁e away from zero, 1/s.
+        truths: stacked.
+        bandwidths: w of H_f, rad/s.
+        period: of the controllers, s.
+        seed: of the random disturbances.
+        repeats: how often each motion is run, back to back.
+        size: ticks of the longest of these runs.
+    """
+
+    system: System
+    sensor: Sensor
+    own: Disturbance
+    motions: JerkTrajectory
+    ticks: Int[Array, " motions"]
+    controllers: Controller
+    rates: Float[Array, " controllers"]
+    truths: Truth
+    bandwidths: Float[Array, " w"]
+    period: Scalar
+    seed: Int[Array, ""]
+    repeats: int = eqx.field(static=True)
+    size: int = eqx.field(static=True)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """How many motions, controllers and scenarios."""
+        return self.ticks.size, self.rates.size, self.truths.own.size
+
+    @property
+    def count(self) -> int:
+        """How many items."""
+        return math.prod(self.shape)
+
+
+def grid(
+    system: System,
+    sensor: Sensor,
+    own: Disturbance,
+    swept: Swept,
+    period: float,
+    *,
+    repeats: int = 1,
+    seed: int = 0,
+) -> Grid:
+    """Stack what is swept; the other arguments are the attributes of `Grid`."""
+    for name, values in swept._asdict().items():
+        require(len(values) > 0, f"Argument `{name}` must have at least one entry, but has none.")
+    motions, controllers, truths, bandwidths = swept
+    lengths = [ticks(motion, period) for motion in motions]
+    intervals = max(motion.jerk.size for motion in motions)
+    return Grid(
+        system,
+        sensor,
+        own,
+        _stacked([padded(motion, intervals) for motion in motions]),
+        jnp.asarray(lengths),
+        _stacked(controllers),
+        jnp.stack([jnp.asarray(_rate(controller)) for controller in controllers]),
+        _stacked(truths),
+        jnp.asarray(bandwidths, float),
+        jnp.asarray(period, float),
+        jnp.asarray(seed),
+        repeats,
+        repeats * max(lengths),
+    )
+
+
+def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
+    """One closed loop, and what follows from it with every bandwidth.
+
+    The random force depends on the seed and the index alone. A loop that diverges beyond what
+    numbers can hold has infinite errors and extremes.
+
+    Returns:
+        `bound` (J_f), `error` |θ̂ − θ| and `outside`, whether the error exceeds its bound, each of
+        shape (w, m); `tracking_error`, the peak; `lowest_` and `highest_` `position`, `velocity`
+        (true, at the ticks) and `input` (commanded).
+    """
+    motion, gains, truth = jnp.unravel_index(index, grid.shape)
+    once, true = grid.ticks[motion], _entry(grid.truths, truth)
+    running = jnp.arange(grid.size) < grid.repeats * once
+    desired = padded_reference(
+        _entry(grid.motions, motion), grid.period, once, grid.repeats, grid.size
+    )
+    controller = _entry(grid.controllers, gains)
+    noise = random_shares(jax.random.fold_in(jax.random.key(grid.seed), index), grid.size)
+    disturbance = Mixture(
+        (grid.own, noise, AgainstTracking(grid.rates[gains])),
+        jnp.stack([true.own, true.random, true.against]),
+    )
+    plant = Plant(grid.system, true.theta, disturbance)
+    record, signals = simulate(plant, controller, grid.sensor, desired, grid.period)
+    # all of the record: a loop that diverges after its motion would spoil 0·x of the measure
+    record = jax.tree.map(lambda column: jnp.where(running, column, 0.0), record)
+    return _identified(grid, record, true.theta) | _extremes(signals, running)
+
+
+def law(controller: Controller) -> ARC | PDFeedforward:
+    """What commands, whenever its commands act.
+
+    Raises:
+        ValueError: if it has no gains that a sweep knows.
+    """
+    if isinstance(controller, Delayed):
+        controller = controller.controller
+    if not isinstance(controller, ARC | PDFeedforward):
+        raise ValueError(
+            "Argument `controllers` must be ARC or PDFeedforward, delayed or not, but one is "
+            f"{type(controller).__name__}."
+        )
+    return controller
+
+
+def _rate(controller: Controller) -> Scalar:
+    known = law(controller)
+    return known.k1 if isinstance(known, ARC) else known.kp / known.kd
+
+
+def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[str, Array]:
+    def one(w: Scalar) -> dict[str, Array]:
+        """By one bandwidth."""
+        estimate = least_squares_estimate(filtered(record, w, grid.period), grid.system)
+        error = jnp.abs(estimate.theta - theta)
+        # rounding of θ̂ is not a miss
+        inside = error <= estimate.bound * (1 + 1e-9)
+        finite = jnp.isfinite(estimate.bound) & jnp.isfinite(error)
+        return {
+            "bound": jnp.where(finite, estimate.bound, jnp.inf),
+            "error": jnp.where(finite, error, jnp.inf),
+            "outside": ~inside,
+        }
+
+    # one after the other: together they do not fit into the cache, and take three times as long
+    return jax.lax.map(one, grid.bandwidths)
+
+
+def _extremes(signals: Signals, running: Bool[Array, " n"]) -> dict[str, Array]:
+    """Over the ticks of the motion, and the end of the last one."""
+    until_end = jnp.append(running[:1], running)
+    error = signals.position[:-1] - signals.reference.position
+    found = {"tracking_error": jnp.max(jnp.abs(_span(error, running)))}
+    for name, values, counted in (
+        ("position", signals.position, until_end),
+        ("velocity", signals.velocity, until_end),
+        ("input", signals.input, running),
+    ):
+        found[f"lowest_{name}"], found[f"highest_{name}"] = _span(values, counted)
+    return found
+
+
+def _span(values: Float[Array, " n"], counted: Bool[Array, " n"]) -> Float[Array, "2"]:
+    """The lowest and the highest of some values; a maximum of XLA's alone may pass over NaN."""
+    lowest = jnp.min(jnp.where(counted, values, jnp.inf))
+    highest = jnp.max(jnp.where(counted, values, -jnp.inf))
+    finite = jnp.all(jnp.isfinite(values) | ~counted)
+    return jnp.where(finite, jnp.stack([lowest, highest]), jnp.array([-jnp.inf, jnp.inf]))
+
+
+def _stacked(trees: Sequence[Tree]) -> Tree:
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *trees)
+
+
+def _entry(tree: Tree, index: Any) -> Tree:
+    return jax.tree.map(lambda leaf: leaf[index], tree)
