@@ -21,51 +21,43 @@ from jaxid.axis.file import Axis, read_axis
 from jaxid.design.criteria import FilteredError, PlannedError, ThroughLoop, planned_error
 from jaxid.design.evaluation import Appraisal, appraise
 from jaxid.design.guaranteed_criterion import GuaranteedError
-from jaxid.design.nominal_log import Servo, foreseen
+from jaxid.design.nominal_log import foreseen
 from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed, design_motion
-from jaxid.identification.feasible_parameter_set import (
-    FeasibleSet,
-    blind,
-    explaining_factor,
-    feasible_set,
-    louder,
-    smallest_factor,
-    unlogged,
-)
+from jaxid.identification.falsification import explaining_factor, louder, smallest_factor
+from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set
 from jaxid.identification.intervals import Guarantee, assumptions, identify_log, identify_logs
+from jaxid.identification.regression_rows import unlogged
 from jaxid.identification.state_bounds import Brackets, brackets
+from jaxid.identification.unidentifiable import blind
 from jaxid.io.setpoints import Setpoints, margins, read_setpoints, sampled, write_setpoints
-from jaxid.loop.closed_loop import Loop, Sampled, Scenarios
+from jaxid.loop.closed_loop import Loop, Sampled, log_of, run
 from jaxid.loop.controllers import ARC, OpenLoop, PDFeedforward
 from jaxid.loop.disturbances import Cogging, LowSpeedFriction, Mixture
-from jaxid.loop.experiment import identify, log_of, run
 from jaxid.loop.log import ContradictionError, Log
+from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.loop.tube import Tube, cells
 from jaxid.model.disturbance_bound import ConstantBound, SpeedBand
 from jaxid.model.regressors import Constant, Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
 from jaxid.model.system import System, Term
-from jaxid.motion.limits import (
-    Boundary,
-    Limits,
-    Via,
-    acceleration_limit,
-    position_at_least,
-    through,
-)
-from jaxid.motion.motion_space import InfeasibleError
+from jaxid.motion.acceleration_limit import acceleration_limit
+from jaxid.motion.feasibility import InfeasibleError
+from jaxid.motion.limits import Boundary, Limits, Via, position_at_least, through
 from jaxid.motion.point_to_point import approach, joined, wait
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate, estimate
 from jaxid.regression.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
+from jaxid.regression.filtered_least_squares import identify
 from jaxid.regression.lower_bound import Floor, floor
 from jaxid.regression.minimax import Optimum, minimax
 from jaxid.regression.worst_case import Norm, infinity
 from jaxid.runtime import configure
 from jaxid.search.local import refine
 from jaxid.search.multistart import Design, Effort
-from jaxid.search.problem import Problem, Task
+from jaxid.search.problem import Problem
 
 __all__ = [
     "ARC",

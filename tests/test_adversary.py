@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.loop.closed_loop import Loop, Sampled, every, excesses, random_scenarios, vertices
+from jaxid.loop.closed_loop import Loop, Sampled, excesses
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
+from jaxid.loop.scenarios import every, random_scenarios, vertices
 from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.worst_case_plants import adversaries
-from jaxid.motion.limits import Boundary, shrunk, worst_excess
+from jaxid.motion.limits import Boundary, shrunk
 from jaxid.motion.trajectory import uniform
+from jaxid.motion.violation import worst_excess
 from jaxid.search.problem import Problem
 
 H, TICKS = motor.CONTROL_PERIOD, 3000

@@ -7,9 +7,9 @@ import pytest
 from jaxid.axis.file import read_axis
 from jaxid.axis.identify import identify_axis
 from jaxid.io.log_file import read_log
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import LowSpeedFriction
-from jaxid.loop.experiment import log_of, run
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Plant
 from jaxid.motion.trajectory import uniform

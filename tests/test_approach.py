@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.axes import linear_motor as motor
-from jaxid.motion.limits import Boundary, Limits, worst_excess
+from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.point_to_point import approach, joined, wait
+from jaxid.motion.violation import worst_excess
 
 ends = st.tuples(st.floats(0.1, 10.0), st.floats(0.1, 10.0)).map(lambda x: (-x[0], x[1]))
 

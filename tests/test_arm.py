@@ -13,16 +13,17 @@ from experiments.beyond import arm as one_link_arm
 from jaxid.design.criteria import planned_error
 from jaxid.design.optimal_motion import design_motion
 from jaxid.io.files import read_table, read_trajectory
+from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import Sequence
-from jaxid.loop.experiment import identify, run
 from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant
-from jaxid.motion.limits import worst_excess
+from jaxid.motion.task import Task
+from jaxid.motion.violation import worst_excess
+from jaxid.regression.filtered_least_squares import identify
 from jaxid.regression.filters import adjoint, filtered
 from jaxid.regression.worst_case import least_squares
 from jaxid.search.multistart import Effort
-from jaxid.search.problem import Task
 
 W = 500.0
 

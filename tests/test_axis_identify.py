@@ -16,7 +16,7 @@ from jaxid.identification.intervals import identify_logs
 from jaxid.io.files import read_trajectory
 from jaxid.io.log_file import Recorded
 from jaxid.io.segments import steady
-from jaxid.loop.experiment import log_of, run
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.log import ContradictionError
 from jaxid.loop.sensors import Encoder
 from jaxid.motion.trajectory import uniform

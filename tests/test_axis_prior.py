@@ -10,7 +10,7 @@ from jaxid.axis.file import example, read_axis
 from jaxid.axis.prior import propose
 from jaxid.identification.least_squares import fit
 from jaxid.io.log_file import Recorded
-from jaxid.loop.experiment import log_of, run
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.log import Log
 from jaxid.loop.sensors import Encoder
 from jaxid.motion.trajectory import uniform

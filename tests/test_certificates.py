@@ -13,7 +13,7 @@ from experiments.paper import certificates
 from experiments.paper.designs import HORIZON, ONE_MOTION, Cell, trajectory_path
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.record import rows_of
-from jaxid.motion.limits import worst_excess
+from jaxid.motion.violation import worst_excess
 from jaxid.regression.lower_bound import floor
 
 

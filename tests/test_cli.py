@@ -18,8 +18,8 @@ from jaxid.axis.simulate import simulate_axis
 from jaxid.design.evaluation import appraise
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.io.setpoints import margins, read_setpoints
-from jaxid.motion.limits import worst_excess
-from jaxid.motion.motion_space import interior
+from jaxid.motion.feasibility import interior
+from jaxid.motion.violation import worst_excess
 from jaxid.regression.lower_bound import floor
 
 

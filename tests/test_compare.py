@@ -18,11 +18,11 @@ from experiments.beyond import compare
 from experiments.paper.designs import HORIZON
 from jaxid.design.criteria import PlannedError
 from jaxid.io.files import read_table, read_trajectory
-from jaxid.motion.limits import worst_excess
+from jaxid.motion.task import Task
+from jaxid.motion.violation import worst_excess
 from jaxid.regression.lower_bound import floor
 from jaxid.regression.worst_case import infinity
 from jaxid.search.multistart import Effort
-from jaxid.search.problem import Task
 from jaxid.search.restoration import inside, walk
 
 TASK = Task(motor.limits(), motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)

@@ -8,15 +8,17 @@ import pytest
 from experiments.axes import linear_motor as motor
 from jaxid.design.criteria import PlannedError, planned_error
 from jaxid.design.optimal_motion import design_motion
-from jaxid.motion.limits import worst_excess
-from jaxid.motion.motion_space import interior, motion_space
+from jaxid.motion.feasibility import interior
+from jaxid.motion.motion_space import motion_space
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.violation import worst_excess
 from jaxid.regression.worst_case import individual, infinity
 from jaxid.search.arc_structures import Dwells, jerk_of
 from jaxid.search.augmented_lagrangian import stages
 from jaxid.search.initial_guesses import grown, rearranged
 from jaxid.search.multistart import Effort, design
-from jaxid.search.problem import Problem, Task
+from jaxid.search.problem import Problem
 
 T = motor.KNOT_PERIOD
 SMALL = Effort(starts=16, generations=20, stages=2, rounds=1, variations=16, parents=4, polished=1)
@@ -40,7 +42,7 @@ def test_any_function_of_a_motion_can_be_designed_for(key):
 def highest_at(knot: int) -> float:
     from scipy.optimize import linprog
 
-    from jaxid.motion.motion_space import responses
+    from jaxid.motion.inequalities import responses
 
     n = 60
     Y, V, A = (M * 1000.0 for M in responses(n, T, T / 4 * np.arange(1, 4 * n + 1)))

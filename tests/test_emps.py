@@ -8,11 +8,13 @@ import pytest
 
 from experiments.axes import emps
 from jaxid.design.evaluation import appraise
-from jaxid.design.nominal_log import Servo
-from jaxid.identification.feasible_parameter_set import explaining_factor
+from jaxid.identification.falsification import explaining_factor
 from jaxid.identification.intervals import identify_log
 from jaxid.io.files import read_table, read_trajectory
-from jaxid.motion.limits import Boundary, Limits, acceleration_limit, through, worst_excess
+from jaxid.loop.servo import Servo
+from jaxid.motion.acceleration_limit import acceleration_limit
+from jaxid.motion.limits import Boundary, Limits, through
+from jaxid.motion.violation import worst_excess
 from jaxid.regression.lower_bound import floor
 
 RECORD = Path(os.environ.get("JAXID_EMPS", "DATA_EMPS.mat"))

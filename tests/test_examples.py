@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from experiments._support.examples import Example, logged
 from experiments.axes import cart, pendulum
-from jaxid.identification.feasible_parameter_set import explaining_factor
+from jaxid.identification.falsification import explaining_factor
 from jaxid.identification.intervals import identify_log
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.disturbances import Moment
-from jaxid.motion.limits import worst_excess
+from jaxid.motion.violation import worst_excess
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 

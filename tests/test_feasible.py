@@ -8,15 +8,12 @@ from hypothesis import strategies as st
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.io.files import read_table
-from jaxid.motion.limits import Boundary, Limits, through, worst_excess
-from jaxid.motion.motion_space import (
-    InfeasibleError,
-    interior,
-    motion_space,
-    responses,
-    shortest_feasible,
-)
+from jaxid.motion.feasibility import InfeasibleError, interior, shortest_feasible
+from jaxid.motion.inequalities import responses
+from jaxid.motion.limits import Boundary, Limits, through
+from jaxid.motion.motion_space import motion_space
 from jaxid.motion.trajectory import uniform
+from jaxid.motion.violation import worst_excess
 from jaxid.search.problem import Problem
 from jaxid.search.restoration import walk
 

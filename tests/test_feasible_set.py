@@ -10,20 +10,14 @@ import pytest
 from scipy.optimize import OptimizeResult, linprog
 
 from experiments.axes import linear_motor as motor
-from jaxid.identification.feasible_parameter_set import (
-    MOST,
-    blind,
-    feasible_set,
-    louder,
-    projection,
-    smallest_factor,
-    unlogged,
-)
+from jaxid.identification.falsification import louder, smallest_factor
+from jaxid.identification.feasible_parameter_set import MOST, feasible_set, projection
 from jaxid.identification.intervals import identify_log
-from jaxid.identification.regression_rows import guaranteed, hats
+from jaxid.identification.regression_rows import guaranteed, hats, unlogged
 from jaxid.identification.state_bounds import brackets
+from jaxid.identification.unidentifiable import blind
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.disturbances import NoDisturbance
-from jaxid.loop.experiment import log_of, run
 from jaxid.loop.log import ContradictionError
 from jaxid.loop.record import Record, Rows
 from jaxid.loop.sensors import Encoder

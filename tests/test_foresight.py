@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.design.nominal_log import foreseen
+from jaxid.design.nominal_log import foreseen, foresight
 from jaxid.io.files import read_trajectory
+from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import NoDisturbance
-from jaxid.loop.experiment import run
 from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.simulate import Plant
 
@@ -63,7 +63,7 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo, tole
     or a turn of friction in between: 4e-9 and 3e-4 m/s² in 98 % of all ticks. A turn is a step of
     2·F_c/M, 3.8 m/s² in the middle of the box, of which the mean of both states takes half.
     """
-    log, states = servo.foresight(motor.system(), motion)(motion)
+    log, states = foresight(motor.system(), motion, servo)(motion)
     h = servo.period
     np.testing.assert_allclose(
         states.position, (log.position[1:] + log.position[:-1]) / 2, atol=1e-6
@@ -78,11 +78,11 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo, tole
 
 @pytest.mark.parametrize("servo", [SERVO, CONTROLLED], ids=["following", "controlled"])
 def test_its_slope_is_that_of_finite_differences(motion, servo, key):
-    foresight = servo.foresight(motor.system(), motion)
+    closed = foresight(motor.system(), motion, servo)
 
     @eqx.filter_jit
     def position(jerk):
-        return foresight(eqx.tree_at(lambda t: t.jerk, motion, jerk))[0].position[1000]
+        return closed(eqx.tree_at(lambda t: t.jerk, motion, jerk))[0].position[1000]
 
     direction = jax.random.normal(key, motion.jerk.shape)
     slope = float(jnp.vdot(jax.grad(position)(motion.jerk), direction))

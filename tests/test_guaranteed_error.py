@@ -10,10 +10,12 @@ from experiments.axes import linear_motor as motor
 from jaxid.design import optimal_motion as motion_design
 from jaxid.design.guaranteed_criterion import GuaranteedError, expected_error
 from jaxid.design.nominal_log import foreseen
+from jaxid.design.nominal_log import foresight as of_servo
 from jaxid.identification.intervals import identify_log, narrowed
 from jaxid.io.files import read_trajectory
-from jaxid.motion.limits import worst_excess
-from jaxid.search.problem import Problem, Task
+from jaxid.motion.task import Task
+from jaxid.motion.violation import worst_excess
+from jaxid.search.problem import Problem
 from jaxid.search.restoration import inside
 from jaxid.search.slp import polish
 
@@ -27,7 +29,7 @@ FLOOR = jnp.array([0.003375, 0.15842, 0.16690, 0.15])
 def made(start, servo, largest=True):
     system = motor.system()
     narrow = narrowed(system, identify_log(system, foreseen(system, start, servo), 100).estimate)
-    foresight = servo.foresight(system, start)
+    foresight = of_servo(system, start, servo)
     return GuaranteedError(system, narrow, foresight, FLOOR, 2.0, largest, 100)
 
 

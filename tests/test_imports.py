@@ -50,6 +50,16 @@ def test_the_folders_are_those_of_the_list():
     assert tuple(listed) == FOLDERS
 
 
+def test_a_folder_imports_only_from_folders_above_it():
+    known = modules()
+    for module, path in known.items():
+        if module == "jaxid":
+            continue
+        for imported in imports_of(path, set(known)):
+            assert imported != "jaxid", f"{module} imports the package as a whole"
+            assert floor_of(imported) <= floor_of(module), f"{module} imports {imported}"
+
+
 def test_files_form_no_circle():
     known = modules()
     graph = {module: imports_of(path, set(known)) for module, path in known.items()}

@@ -9,8 +9,8 @@ from experiments.axes import linear_motor as motor
 from jaxid.identification.intervals import assumptions, identify_log
 from jaxid.identification.state_bounds import brackets
 from jaxid.io.setpoints import sampled
-from jaxid.loop.closed_loop import random_parameters
 from jaxid.loop.log import Log
+from jaxid.loop.scenarios import random_parameters
 
 H, Q = 0.001, motor.ENCODER_RESOLUTION
 PLANTS, STEPS = 12, 20

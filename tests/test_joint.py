@@ -10,15 +10,15 @@ import pytest
 from conftest import uniform_in_box
 
 from experiments.axes import linear_motor as motor
-from jaxid.identification.feasible_parameter_set import feasible_set, unlogged
+from jaxid.identification.feasible_parameter_set import feasible_set
 from jaxid.identification.intervals import assumptions, identify_log, identify_logs
-from jaxid.identification.joint import joined
+from jaxid.identification.joined_rows import joined
 from jaxid.identification.modulating_functions import Program, pieces
-from jaxid.identification.regression_rows import boxes, guaranteed, hats
+from jaxid.identification.regression_rows import boxes, guaranteed, hats, unlogged
 from jaxid.identification.state_bounds import brackets
 from jaxid.io.files import read_trajectory
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
-from jaxid.loop.experiment import log_of, run
 from jaxid.loop.log import Log, filled
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Plant

@@ -9,16 +9,16 @@ from scipy.optimize import linprog
 
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
-from jaxid.identification.feasible_parameter_set import louder
+from jaxid.identification.falsification import louder
 from jaxid.identification.intervals import assumptions, identify_log
 from jaxid.identification.modulating_functions import modulating
 from jaxid.identification.regression_rows import boxes, guaranteed, hats
 from jaxid.identification.state_bounds import brackets
-from jaxid.loop.closed_loop import random_parameters, vertices
+from jaxid.loop.closed_loop import log_of
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
-from jaxid.loop.experiment import log_of
 from jaxid.loop.log import Log, filled
+from jaxid.loop.scenarios import random_parameters, vertices
 from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant, simulate
 from jaxid.model.disturbance_bound import ConstantBound

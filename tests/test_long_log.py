@@ -12,7 +12,7 @@ import pytest
 from experiments.axes import linear_motor as motor
 from jaxid.axis.file import example
 from jaxid.io.files import read_trajectory
-from jaxid.loop.experiment import log_of, run
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.sensors import Encoder
 
 SIZE = int(float(os.environ.get("JAXID_LONG_LOG", "0")) * 1e6)  # bytes

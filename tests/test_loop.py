@@ -8,14 +8,16 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid.design.criteria import FilteredError, PerfectTracking, ThroughLoop, planned_error
-from jaxid.loop.closed_loop import Loop, Sampled, Scenarios, every, random_parameters, vertices
+from jaxid.loop.closed_loop import Loop, Sampled
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
-from jaxid.loop.experiment import identify
+from jaxid.loop.scenarios import Scenarios, every, random_parameters, vertices
 from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.simulate import Plant
-from jaxid.motion.limits import axis_excess
-from jaxid.motion.motion_space import interior, motion_space
+from jaxid.motion.feasibility import interior
+from jaxid.motion.motion_space import motion_space
 from jaxid.motion.trajectory import uniform
+from jaxid.motion.violation import axis_excess
+from jaxid.regression.filtered_least_squares import identify
 from jaxid.regression.worst_case import Norm
 from jaxid.search.problem import Problem
 

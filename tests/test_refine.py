@@ -9,12 +9,16 @@ import pytest
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.design.criteria import FilteredError, PlannedError, ThroughLoop
-from jaxid.loop.closed_loop import Loop, Sampled, every, vertices
+from jaxid.loop.closed_loop import Loop, Sampled
 from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.scenarios import every, vertices
 from jaxid.loop.sensors import IdealSensor
-from jaxid.motion.limits import Limits, Prediction, acceleration_reach, axis_excess, input_demand
-from jaxid.motion.motion_space import inequalities, interior
+from jaxid.motion.acceleration_limit import acceleration_reach, input_demand
+from jaxid.motion.feasibility import interior
+from jaxid.motion.inequalities import inequalities
+from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import States
+from jaxid.motion.violation import Prediction, axis_excess
 from jaxid.regression.worst_case import individual
 from jaxid.search.frozen_loop import Frozen, axis_conditions, frozen, perfect
 from jaxid.search.local import Effort, refine

@@ -5,14 +5,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments._support.measured_records import differenced_record, printed_record
 from experiments._support.pulses import pulses
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.loop.controllers import ARC, OpenLoop
 from jaxid.loop.disturbances import Cogging, Moment, NoDisturbance, random_shares
-from jaxid.loop.sensors import Encoder, IdealSensor, differenced_record, printed_record
+from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant, simulate
-from jaxid.motion.motion_space import interior
+from jaxid.motion.feasibility import interior
 from jaxid.motion.trajectory import States, reference, ticks
 from jaxid.regression.estimate import least_squares_estimate
 from jaxid.regression.filters import filtered

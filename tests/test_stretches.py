@@ -10,7 +10,7 @@ from jaxid.identification import batches as room
 from jaxid.identification.batches import most_telling, prove, rounded_down, stretches
 from jaxid.identification.feasible_parameter_set import MOST
 from jaxid.io.files import read_trajectory
-from jaxid.loop.experiment import log_of, run
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.log import Log
 from jaxid.loop.sensors import Encoder
 from jaxid.model.disturbance_bound import ConstantBound

@@ -12,10 +12,11 @@ from processes import finish, free_port, start
 
 from experiments.axes import linear_motor as motor
 from jaxid.io.files import read_dataset, read_trajectory, write_dataset
+from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import AgainstTracking
-from jaxid.loop.experiment import identify, run
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Plant
+from jaxid.regression.filtered_least_squares import identify
 from jaxid.runtime import connect
 from jaxid.sweep.dataset import Labels, labelled
 from jaxid.sweep.grid import Swept, Truth, grid, item

@@ -12,13 +12,9 @@ from jaxid.model.disturbance_bound import Cautious, ConstantBound, Scaled, Speed
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Constant, Viscous
 from jaxid.model.system import System, Term, softened
-from jaxid.motion.limits import (
-    Limits,
-    Via,
-    acceleration_limit,
-    acceleration_limit_euclidean,
-)
-from jaxid.search.problem import Task
+from jaxid.motion.acceleration_limit import acceleration_limit, acceleration_limit_euclidean
+from jaxid.motion.limits import Limits, Via
+from jaxid.motion.task import Task
 
 TASK = Task(motor.limits(), motor.boundary(), intervals=60, period=0.01)
 BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}

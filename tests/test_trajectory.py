@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from jaxid.motion.motion_space import padded, trimmed
-from jaxid.motion.trajectory import JerkTrajectory, reference, ticks, uniform
+from jaxid.motion.trajectory import JerkTrajectory, padded, reference, ticks, trimmed, uniform
 
 values = st.floats(-1000, 1000, allow_nan=False).map(lambda x: 0.0 if abs(x) < 1e-3 else x)
 jerks = arrays(float, 7, elements=values)

@@ -9,15 +9,17 @@ import pytest
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.io.files import read_trajectory
-from jaxid.loop.closed_loop import Loop, Sampled, every, random_parameters, vertices
+from jaxid.loop.closed_loop import Loop, Sampled
 from jaxid.loop.controllers import ARC
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares, square_wave
+from jaxid.loop.scenarios import every, random_parameters, vertices
 from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.tube import Tube, _peak, cells
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.interval_arithmetic import Range
-from jaxid.motion.limits import Limits, acceleration_reach
-from jaxid.motion.motion_space import interior
+from jaxid.motion.acceleration_limit import acceleration_reach
+from jaxid.motion.feasibility import interior
+from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import uniform
 from jaxid.search.problem import Problem
 

@@ -16,10 +16,12 @@ from experiments.axes import linear_motor as motor
 from experiments.paper.designs import Cell
 from experiments.paper.runs import PERIODS
 from jaxid.design.criteria import FilteredError, PerfectTracking, PlannedError, ThroughLoop
-from jaxid.loop.closed_loop import Loop, Sampled, Scenarios, excesses
+from jaxid.loop.closed_loop import Loop, Sampled, excesses
+from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import Encoder, IdealSensor, Sensor
-from jaxid.motion.limits import Prediction, shrunk
+from jaxid.motion.limits import shrunk
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.violation import Prediction
 from jaxid.regression.worst_case import Norm, individual
 from jaxid.search.problem import Objective, Problem
 

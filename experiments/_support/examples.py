@@ -10,14 +10,14 @@ from jax import Array
 from experiments._support.appraisals import Row
 from experiments._support.toys import Toys
 from experiments.paper.designs import TOY, with_starts
-from jaxid.design.nominal_log import Servo
 from jaxid.design.optimal_motion import GuaranteedEffort
 from jaxid.io import plots as report
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.controllers import Controller
-from jaxid.loop.experiment import log_of, run
 from jaxid.loop.log import Log
 from jaxid.loop.sensors import Encoder
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory

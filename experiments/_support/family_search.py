@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from experiments._support.excitations import Excitation, Numbers
 from jaxid._types import Scalar
-from jaxid.motion.motion_space import Inequalities, inequalities
+from jaxid.motion.inequalities import Inequalities, inequalities
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.augmented_lagrangian import descend
 from jaxid.search.linear_programs import Point, linear_step

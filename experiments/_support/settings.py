@@ -9,7 +9,6 @@ import jax
 from experiments.axes import linear_motor as motor
 from experiments.paper.runs import PERIODS
 from jaxid._types import Interval
-from jaxid.loop.closed_loop import Scenarios, every, vertices
 from jaxid.loop.controllers import ARC
 from jaxid.loop.disturbances import (
     AgainstTracking,
@@ -18,8 +17,10 @@ from jaxid.loop.disturbances import (
     NoDisturbance,
     random_shares,
 )
+from jaxid.loop.scenarios import Scenarios, every, vertices
 from jaxid.model.system import System
-from jaxid.motion.limits import Limits, acceleration_limit, acceleration_reach
+from jaxid.motion.acceleration_limit import acceleration_limit, acceleration_reach
+from jaxid.motion.limits import Limits
 
 # Weak: the axis is up to 7 % of its top speed and 14 mm off its motion.
 GAINS = {

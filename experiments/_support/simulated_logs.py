@@ -22,8 +22,8 @@ from jaxid.design.nominal_log import foreseen
 from jaxid.identification.intervals import identify_log
 from jaxid.identification.modulating_functions import modulating
 from jaxid.io.files import read_trajectory
+from jaxid.loop.closed_loop import log_of
 from jaxid.loop.disturbances import AgainstTracking, Mixture, Sequence, random_shares
-from jaxid.loop.experiment import log_of
 from jaxid.loop.log import Log
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Plant, simulate

@@ -22,12 +22,13 @@ from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import Sampled
 from jaxid.loop.sensors import IdealSensor
 from jaxid.motion.limits import Limits
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.frozen_loop import Frozen, frozen, perfect
 from jaxid.search.local import Effort, Refined, refine
 from jaxid.search.multistart import Effort as SearchEffort
 from jaxid.search.multistart import design
-from jaxid.search.problem import Objective, Problem, Task
+from jaxid.search.problem import Objective, Problem
 from jaxid.search.restoration import inside
 
 Designs = Mapping[str, JerkTrajectory]

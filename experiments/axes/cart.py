@@ -29,7 +29,7 @@ from experiments._support.examples import (
     logged,
     save_table,
 )
-from jaxid.identification.feasible_parameter_set import explaining_factor
+from jaxid.identification.falsification import explaining_factor
 from jaxid.identification.least_squares import fit
 from jaxid.io import plots as report
 from jaxid.loop.disturbances import Cogging, LowSpeedFriction, Mixture

@@ -26,9 +26,8 @@ from tqdm import tqdm
 from experiments._support.toys import Toys
 from experiments.paper.designs import TOY, with_starts
 from jaxid.design.evaluation import appraise
-from jaxid.design.nominal_log import Servo
 from jaxid.design.optimal_motion import design_guaranteed
-from jaxid.identification.feasible_parameter_set import explaining_factor
+from jaxid.identification.falsification import explaining_factor
 from jaxid.identification.intervals import assumptions, identify_log, identify_logs
 from jaxid.io import plots as report
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
@@ -36,16 +35,18 @@ from jaxid.io.log_file import Columns, Recorded, read_log
 from jaxid.io.plots import text_table
 from jaxid.io.segments import steady
 from jaxid.loop.log import Log
+from jaxid.loop.servo import Servo
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Viscous
 from jaxid.model.system import System, Term
-from jaxid.motion.limits import Boundary, Limits, acceleration_limit, through
+from jaxid.motion.acceleration_limit import acceleration_limit
+from jaxid.motion.limits import Boundary, Limits, through
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate
 from jaxid.regression.lower_bound import floor
 from jaxid.runtime import configure
 from jaxid.search.multistart import Effort
-from jaxid.search.problem import Task
 
 PUBLISHED = {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}
 PERIOD, RESOLUTION, VOLTS = 0.001, 5e-8, 10.0

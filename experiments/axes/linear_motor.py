@@ -25,20 +25,15 @@ The paper prints some equations with slips. What this package uses instead, and 
 What the paper leaves open is marked "chosen" below.
 """
 
-from jaxid.design.nominal_log import Servo
 from jaxid.loop.controllers import ARC
 from jaxid.loop.disturbances import Cogging, LowSpeedFriction, Mixture
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.model.disturbance_bound import SpeedBand
 from jaxid.model.regressors import Constant, Coulomb, Viscous
 from jaxid.model.system import System, Term
-from jaxid.motion.limits import (
-    Boundary,
-    Limits,
-    acceleration_limit,
-    position_at_least,
-    through,
-)
+from jaxid.motion.acceleration_limit import acceleration_limit
+from jaxid.motion.limits import Boundary, Limits, position_at_least, through
 
 KNOT_PERIOD = 0.01  # s, the T of the paper
 HORIZONS = (20, 30, 40, 50, 60)  # N_i; one motion lasts 2·N_i·T

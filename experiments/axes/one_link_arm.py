@@ -6,20 +6,15 @@ All numbers are chosen: a small laboratory arm that hangs down at q = 0 and may 
 side and 20° on the other.
 """
 
-from jaxid.design.nominal_log import Servo
 from jaxid.loop.controllers import ARC
 from jaxid.loop.disturbances import LowSpeedFriction
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.regressors import Constant, Coulomb, Sine, Viscous
 from jaxid.model.system import System, Term
-from jaxid.motion.limits import (
-    Boundary,
-    Limits,
-    Via,
-    acceleration_limit,
-    through,
-)
+from jaxid.motion.acceleration_limit import acceleration_limit
+from jaxid.motion.limits import Boundary, Limits, Via, through
 
 KNOT_PERIOD = 0.02  # s
 CONTROL_PERIOD = 0.0005  # s

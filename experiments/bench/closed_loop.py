@@ -8,8 +8,9 @@ from jaxtyping import Array, Float
 
 from experiments.axes import linear_motor as motor
 from jaxid.design.criteria import FilteredError, ThroughLoop
-from jaxid.loop.closed_loop import Loop, Scenarios
+from jaxid.loop.closed_loop import Loop
 from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import IdealSensor
 from jaxid.model.disturbance_bound import SpeedBand
 from jaxid.model.regressors import Coulomb

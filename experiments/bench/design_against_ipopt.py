@@ -29,14 +29,16 @@ from jaxid.design.optimal_motion import design_motion
 from jaxid.io.files import Cell as Value
 from jaxid.io.files import read_table, write_table
 from jaxid.io.plots import text_table
-from jaxid.motion.motion_space import InfeasibleError, interior, motion_space
+from jaxid.motion.feasibility import InfeasibleError, interior
+from jaxid.motion.motion_space import motion_space
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, uniform
 from jaxid.regression.worst_case import individual
 from jaxid.runtime import configure
 from jaxid.search.arc_structures import evolved
 from jaxid.search.initial_guesses import random_starts
 from jaxid.search.multistart import Design, Effort
-from jaxid.search.problem import Problem, Task
+from jaxid.search.problem import Problem
 from jaxid.search.restoration import walk
 
 STARTS = 10  # of IPOPT

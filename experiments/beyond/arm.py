@@ -24,11 +24,11 @@ from jaxid.design.optimal_motion import design_guaranteed, design_motion
 from jaxid.identification.intervals import assumptions, identify_log
 from jaxid.io import plots as report
 from jaxid.io.files import read_trajectory, write_trajectory
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import floor
 from jaxid.runtime import configure
 from jaxid.search.multistart import Effort
-from jaxid.search.problem import Task
 
 ALL = "all"  # the largest guaranteed error over the floor
 INTERVALS = 50  # of 20 ms: one second

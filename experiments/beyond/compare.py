@@ -46,13 +46,14 @@ from jaxid.design.optimal_motion import GuaranteedEffort, design_motion
 from jaxid.io import plots as report
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.motion.motion_space import motion_space
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import floor
 from jaxid.regression.worst_case import infinity
 from jaxid.runtime import configure
 from jaxid.search.arc_structures import MEMBERS, Dwells, jerk_of
 from jaxid.search.multistart import Effort, design
-from jaxid.search.problem import Problem, Task
+from jaxid.search.problem import Problem
 from jaxid.search.restoration import inside, walk
 
 FAMILIES: Mapping[str, type[Excitation]] = {
@@ -156,7 +157,7 @@ def members(
     Each of the best few is polished to its end, where for ours only the best of all is.
     """
     system, family, effort = motor.system(), family_of(name, task), tries.search
-    problem = task.problem(PlannedError(system, infinity(targets), _fastest(task), 5))
+    problem = Problem.of(task, PlannedError(system, infinity(targets), _fastest(task), 5))
     deep, found = inside(problem, task.intervals, task.period), []
     best = best_members(problem, deep, family, key, budget(effort), effort.polished)
     for z in best:
@@ -172,7 +173,7 @@ def family_of(name: str, task: Task) -> Excitation:
     """For a task: its two moves are the deepest one, and there and back at top speed."""
     limits = task.limits
     space = motion_space(limits, task.boundary, task.intervals, task.period)
-    problem = task.problem(lambda motion, smoothing: jnp.zeros(()))
+    problem = Problem.of(task, lambda motion, smoothing: jnp.zeros(()))
     deep = inside(problem, task.intervals, task.period)
     dwells = Dwells(jnp.flip(limits.velocity), jnp.ones(2))
     moves = jnp.stack([deep.jerk, jerk_of(dwells, limits, space)])
@@ -209,7 +210,7 @@ def draw(path: Path, worth: Mapping[str, Appraisal]) -> None:
 def _expected(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> Problem:
     """The criterion of our one motion, for motions near to another one."""
     speed = _fastest(task)
-    return task.problem(expected_error(motor.system(), targets, motion, motor.servo(), speed))
+    return Problem.of(task, expected_error(motor.system(), targets, motion, motor.servo(), speed))
 
 
 def _reached(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> float:

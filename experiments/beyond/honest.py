@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 import jaxid
 from experiments._support import simulated_logs
+from experiments._support.measured_records import differenced_record, printed_record
 from experiments._support.processes import each
 from experiments._support.simulated_logs import Motions
 from experiments.axes import linear_motor as motor
@@ -28,7 +29,6 @@ from jaxid.identification.state_bounds import brackets
 from jaxid.io.files import write_bytes, write_table
 from jaxid.io.plots import text_table
 from jaxid.loop.log import Log
-from jaxid.loop.sensors import differenced_record, printed_record
 from jaxid.regression.estimate import Estimate, least_squares_estimate
 from jaxid.regression.estimators import ESTIMATORS, Filtered, LeastSquares
 from jaxid.regression.filters import filtered

@@ -19,18 +19,21 @@ from jaxid._checks import require
 from jaxid.design.criteria import planned_error
 from jaxid.design.optimal_motion import design_motion
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
-from jaxid.loop.closed_loop import excesses, random_scenarios
+from jaxid.loop.closed_loop import excesses
 from jaxid.loop.disturbances import AgainstTracking, Disturbance, NoDisturbance
+from jaxid.loop.scenarios import random_scenarios
 from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.tube import Tube, cells
 from jaxid.loop.worst_case_plants import adversaries
-from jaxid.motion.limits import Limits, Prediction, shrunk
+from jaxid.motion.limits import Limits, shrunk
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.violation import Prediction
 from jaxid.runtime import configure
 from jaxid.search.frozen_loop import perfect
 from jaxid.search.local import Effort, refine
 from jaxid.search.multistart import Effort as SearchEffort
-from jaxid.search.problem import Problem, Task
+from jaxid.search.problem import Problem
 
 CELLS = (8, 4, 4, 4)  # that Ω_θ is cut into for a proof
 # what the axis is given to begin with beside its motion: m, m/s and V, near what a tube needs

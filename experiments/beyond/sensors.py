@@ -16,7 +16,7 @@ from experiments.axes import linear_motor as motor
 from experiments.paper.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajectory_path
 from experiments.paper.figures import SYMBOLS
 from jaxid._types import Scalar
-from jaxid.design.nominal_log import Servo, foreseen
+from jaxid.design.nominal_log import foreseen
 from jaxid.identification.intervals import ROUNDS, narrowed
 from jaxid.identification.modulating_functions import modulating
 from jaxid.identification.regression_rows import Logged, boxes, guaranteed, hats
@@ -25,6 +25,7 @@ from jaxid.io import plots as report
 from jaxid.io.files import Cell as Value
 from jaxid.io.files import read_trajectory, write_table
 from jaxid.loop.log import Log
+from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate
 from jaxid.regression.estimators import Filtered, LeastSquares

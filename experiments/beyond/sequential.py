@@ -30,18 +30,19 @@ from jaxid.identification.modulating_functions import KNOTS
 from jaxid.io import plots as report
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.io.plots import text_table
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.controllers import ARC
-from jaxid.loop.experiment import log_of, run
 from jaxid.loop.log import Log
 from jaxid.loop.sensors import Encoder
 from jaxid.model.system import System
-from jaxid.motion.limits import Limits, acceleration_limit
+from jaxid.motion.acceleration_limit import acceleration_limit
+from jaxid.motion.limits import Limits
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate
 from jaxid.regression.lower_bound import floor
 from jaxid.runtime import configure
 from jaxid.search.multistart import Effort
-from jaxid.search.problem import Task
 
 JERKS = (1000.0, 3000.0)  # m/s³; with the second more acceleration can be used
 # N_i of each round: with a jerk of 1000 m/s³ a second motion of 0.6 s would prove of M no more than

@@ -12,7 +12,7 @@ from jaxid.design.evaluation import Appraisal, appraise
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set, projection
 from jaxid.identification.intervals import Guarantee, assumptions, identify_log
 from jaxid.identification.regression_rows import guaranteed
-from jaxid.loop.experiment import log_of, run
+from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.record import rows_of
 from jaxid.loop.sensors import Encoder
 from jaxid.motion.trajectory import JerkTrajectory

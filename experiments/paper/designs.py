@@ -14,12 +14,12 @@ from experiments._support.processes import chained
 from experiments.axes import linear_motor as motor
 from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed, design_motion
 from jaxid.model.system import System
-from jaxid.motion.motion_space import InfeasibleError
+from jaxid.motion.feasibility import InfeasibleError
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, uniform
 from jaxid.regression.lower_bound import floor
 from jaxid.regression.worst_case import infinity
 from jaxid.search.multistart import Effort
-from jaxid.search.problem import Task
 
 STUDIED = ("M", "B", "Fc")
 INFINITY = "infinity"  # the largest error relative to the prior box

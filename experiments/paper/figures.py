@@ -11,8 +11,9 @@ from experiments.paper.designs import Cell
 from experiments.paper.runs import BANDWIDTHS, ClosedLoop, OpenLoopRun, Pulses, Sweep
 from experiments.paper.tables import Errors
 from jaxid.io import plots as report
-from jaxid.motion.limits import Envelope, Limits
+from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, States
+from jaxid.motion.violation import Envelope
 
 Trajectories = Mapping[Cell, JerkTrajectory]
 SYMBOLS = {"M": "M", "B": "B", "Fc": "$F_c$", "dbar": r"$\bar d$"}

@@ -7,16 +7,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from experiments._support.measured_records import differenced_record, printed_record
 from experiments._support.pulses import pulses
 from experiments.axes import linear_motor as motor
+from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import OpenLoop
 from jaxid.loop.disturbances import Sequence
-from jaxid.loop.experiment import identify, run
 from jaxid.loop.record import Record
-from jaxid.loop.sensors import Encoder, IdealSensor, differenced_record, printed_record
+from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.motion.trajectory import JerkTrajectory, States, reference
 from jaxid.regression.estimate import Estimate, least_squares_estimate
+from jaxid.regression.filtered_least_squares import identify
 from jaxid.regression.filters import adjoint, filtered, low_pass
 from jaxid.regression.worst_case import least_squares
 

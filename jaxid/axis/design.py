@@ -15,12 +15,12 @@ from jaxid.axis.file import PROGRAM, Axis
 from jaxid.design.evaluation import Appraisal, appraise
 from jaxid.design.nominal_log import foreseen
 from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed
-from jaxid.identification.feasible_parameter_set import louder
+from jaxid.identification.falsification import louder
 from jaxid.identification.intervals import assumptions, identify_log
 from jaxid.io import plots as report
 from jaxid.io.files import write_json, write_trajectory
 from jaxid.io.setpoints import margins, read_setpoints, sampled, write_setpoints
-from jaxid.motion.motion_space import interior
+from jaxid.motion.feasibility import interior
 from jaxid.motion.point_to_point import approach, joined, wait
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import Floor, floor

@@ -21,13 +21,14 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.axis.schema import AxisTables, Coordinate, whole
-from jaxid.design.nominal_log import Servo
+from jaxid.design.nominal_log import foresight
 from jaxid.io.log_file import Columns
 from jaxid.loop.controllers import Controller, Delayed
 from jaxid.loop.sensors import Encoder, IdealSensor, Sensor
+from jaxid.loop.servo import Servo
 from jaxid.model.system import System
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import uniform
-from jaxid.search.problem import Task
 
 PROGRAM = f"jaxid {version('jaxid')}"  # that wrote a result
 
@@ -135,7 +136,7 @@ def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
 def _require_logs(system: System, task: Task, servo: Servo) -> None:
     """Refuse a servo that no log of a motion can be kept with."""
     at_rest = uniform(task.boundary.start, jnp.zeros(task.intervals), task.period)
-    servo.foresight(system, at_rest)
+    foresight(system, at_rest, servo)
 
 
 def _system(tables: AxisTables, path: Path, run_python: bool) -> System:

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from jaxid._checks import require
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.identification.batches import STRETCH, Proved, prove, rounded_down
-from jaxid.identification.feasible_parameter_set import LEAST
+from jaxid.identification.falsification import LEAST
 from jaxid.identification.intervals import assumptions
 from jaxid.identification.least_squares import Fit, fit
 from jaxid.io import plots as report

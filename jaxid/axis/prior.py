@@ -14,7 +14,7 @@ from jaxtyping import Float
 from jaxid._checks import require
 from jaxid.axis.file import Axis
 from jaxid.identification.batches import shared
-from jaxid.identification.feasible_parameter_set import MOST, explaining_factor
+from jaxid.identification.falsification import MOST, explaining_factor
 from jaxid.identification.least_squares import fit
 from jaxid.io.log_file import Recorded
 from jaxid.io.plots import text_table

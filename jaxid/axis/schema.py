@@ -13,7 +13,8 @@ from jaxid.loop.controllers import ARC, Controller, PDFeedforward
 from jaxid.model.disturbance_bound import ConstantBound, DisturbanceBound, SpeedBand
 from jaxid.model.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Sine, Spring, Viscous
 from jaxid.model.system import System, Term
-from jaxid.motion.limits import Boundary, Limits, Via, acceleration_limit
+from jaxid.motion.acceleration_limit import acceleration_limit
+from jaxid.motion.limits import Boundary, Limits, Via
 
 Coordinate = Literal["linear", "rotary"]
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}

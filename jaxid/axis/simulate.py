@@ -16,9 +16,10 @@ from jaxid.axis.file import PROGRAM, Axis
 from jaxid.identification.intervals import assumptions, identify_log
 from jaxid.io import plots as report
 from jaxid.io.files import UNITS, write_json
-from jaxid.loop.closed_loop import Loop, Scenarios, excesses, random_scenarios
+from jaxid.loop.closed_loop import Loop, excesses
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.log import Log
+from jaxid.loop.scenarios import Scenarios, random_scenarios
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Signals
 from jaxid.motion.limits import Limits

@@ -18,8 +18,8 @@ from jaxid.axis.file import PROGRAM, Axis
 from jaxid.design.optimal_motion import GuaranteedEffort
 from jaxid.io import plots as report
 from jaxid.io.files import Cell, read_trajectory, write_table
-from jaxid.motion.limits import worst_excess
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.violation import worst_excess
 from jaxid.regression.lower_bound import floor
 from jaxid.search.multistart import Report
 

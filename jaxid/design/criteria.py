@@ -12,8 +12,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._types import Scalar
-from jaxid.loop.closed_loop import Loop, Scenarios
+from jaxid.loop.closed_loop import Loop
 from jaxid.loop.record import Record, rows_of
+from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System, softened
 from jaxid.motion.trajectory import JerkTrajectory

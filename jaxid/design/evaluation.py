@@ -6,8 +6,9 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.design.criteria import planned_error
-from jaxid.design.nominal_log import Servo, foreseen
+from jaxid.design.nominal_log import foreseen
 from jaxid.identification.intervals import identify_log
+from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import Floor

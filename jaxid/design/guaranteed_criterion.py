@@ -16,11 +16,12 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require
 from jaxid._types import Scalar
-from jaxid.design.nominal_log import Foresight, Servo, foreseen
+from jaxid.design.nominal_log import Foresight, foreseen, foresight
 from jaxid.identification.intervals import identify_log, narrowed
 from jaxid.identification.modulating_functions import optimal
 from jaxid.identification.regression_rows import Logged, hats
 from jaxid.identification.state_bounds import Brackets, brackets
+from jaxid.loop.servo import Servo
 from jaxid.model.disturbance_bound import Cautious
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.system import System, softened
@@ -153,5 +154,5 @@ def expected_error(
     if servo.velocity_error:
         cautious = Cautious(system.disturbance_bound, servo.velocity_error)
         narrow = eqx.tree_at(lambda s: s.disturbance_bound, narrow, cautious)
-    foresight = servo.foresight(system, trajectory)
-    return GuaranteedError(system, narrow, foresight, targets, speed, largest)
+    nominal = foresight(system, trajectory, servo)
+    return GuaranteedError(system, narrow, nominal, targets, speed, largest)

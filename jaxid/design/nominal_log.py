@@ -5,7 +5,6 @@ most hardly depend on where in the box the axis is, or on what disturbs it.
 """
 
 import abc
-from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,10 +12,10 @@ import jax.numpy as jnp
 from jaxid._checks import require, require_at_least_zero, require_positive
 from jaxid._types import Scalar, dot
 from jaxid.loop.closed_loop import Loop
-from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.log import Log
 from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory, States, ticks
@@ -75,42 +74,26 @@ class Controlled(Foresight):
         return log, States(y, v, record.rows.columns[0])
 
 
-class Servo(NamedTuple):
-    """What runs a motion and keeps its log.
+def foresight(system: System, trajectory: JerkTrajectory, servo: Servo) -> Foresight:
+    """For motions as long as this one.
 
-    Attributes:
-        period: s; it divides the duration of a motion.
-        resolution: of the encoder, m or rad.
-        controller: whose closed loop is expected; without one, that the axis follows exactly.
-        velocity_error: of the axis, m/s or rad/s, that a design counts with where δ jumps. What is
-            foreseen of a motion is foreseen without it.
+    Raises:
+        ValueError: if the period does not divide the duration into two ticks or more, or a
+            number is negative or not finite.
     """
-
-    period: float
-    resolution: float
-    controller: Controller | None = None
-    velocity_error: float = 0.0
-
-    def foresight(self, system: System, trajectory: JerkTrajectory) -> Foresight:
-        """For motions as long as this one.
-
-        Raises:
-            ValueError: if the period does not divide the duration into two ticks or more, or a
-                number is negative or not finite.
-        """
-        for name in ("resolution", "velocity_error"):
-            require_at_least_zero(name, "a servo", getattr(self, name))
-        require_positive("period", "a servo", self.period)
-        count = ticks(trajectory, self.period)
-        require(
-            count >= 2,
-            f"Argument `period` of a servo must be half of the motion's duration, or less, but is "
-            f"{self.period:g} s for {float(trajectory.duration):g} s.",
-        )
-        if self.controller is None:
-            return Following(system, self.period, self.resolution, count)
-        loop = Loop(self.controller, IdealSensor(), self.period, count)
-        return Controlled(loop, Plant(system, system.centre, NoDisturbance()), self.resolution)
+    for name in ("resolution", "velocity_error"):
+        require_at_least_zero(name, "a servo", getattr(servo, name))
+    require_positive("period", "a servo", servo.period)
+    count = ticks(trajectory, servo.period)
+    require(
+        count >= 2,
+        f"Argument `period` of a servo must be half of the motion's duration, or less, but is "
+        f"{servo.period:g} s for {float(trajectory.duration):g} s.",
+    )
+    if servo.controller is None:
+        return Following(system, servo.period, servo.resolution, count)
+    loop = Loop(servo.controller, IdealSensor(), servo.period, count)
+    return Controlled(loop, Plant(system, system.centre, NoDisturbance()), servo.resolution)
 
 
 def foreseen(system: System, trajectory: JerkTrajectory, servo: Servo) -> Log:
@@ -121,7 +104,7 @@ def foreseen(system: System, trajectory: JerkTrajectory, servo: Servo) -> Log:
         trajectory: the motion.
         servo: what runs it.
     """
-    return _log(servo.foresight(system, trajectory), trajectory)
+    return _log(foresight(system, trajectory, servo), trajectory)
 
 
 @eqx.filter_jit

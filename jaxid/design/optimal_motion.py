@@ -11,13 +11,14 @@ from jaxid._checks import require, require_float64
 from jaxid._types import Scalar
 from jaxid.design.criteria import PlannedError
 from jaxid.design.guaranteed_criterion import GuaranteedError, expected_error, require_targets
-from jaxid.design.nominal_log import Servo
+from jaxid.design.nominal_log import foresight
+from jaxid.loop.servo import Servo
 from jaxid.model.system import System
-from jaxid.motion.motion_space import trimmed
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.task import Task
+from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.regression.worst_case import Norm, individual, infinity
 from jaxid.search.multistart import Design, Effort, Report, Show, design
-from jaxid.search.problem import Problem, Task
+from jaxid.search.problem import Problem
 from jaxid.search.restoration import inside, walk
 from jaxid.search.slp import polish
 
@@ -115,9 +116,9 @@ def design_guaranteed(
     require_float64("limits", task.limits)
     goals = jnp.asarray(targets, dtype=float)
     require_targets(system, goals)
-    bare = task.problem(_nothing)
+    bare = Problem.of(task, _nothing)
     deep = inside(bare, task.intervals, task.period)
-    servo.foresight(system, deep)  # refuses a servo that no log can be kept with
+    foresight(system, deep, servo)  # refuses a servo that no log can be kept with
     search = _Search(system, task, deep, goals, servo, largest, effort, report)
     if isinstance(start, JerkTrajectory):
         given = walk(bare, deep, _matching(task, start))
@@ -177,7 +178,7 @@ class _Search(NamedTuple):
         objective: GuaranteedError = expected_error(
             self.system, self.targets, motion, self.servo, speed, largest=self.largest
         )
-        return self.task.problem(objective)
+        return Problem.of(self.task, objective)
 
 
 def _matching(task: Task, start: JerkTrajectory) -> JerkTrajectory:

@@ -12,17 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid.identification.feasible_parameter_set import (
-    LEAST,
-    MOST,
-    blind,
-    explaining_factor,
-    feasible_set,
-    louder,
-)
+from jaxid.identification.falsification import LEAST, MOST, explaining_factor, louder
+from jaxid.identification.feasible_parameter_set import feasible_set
 from jaxid.identification.intervals import best, identify_logs, within
-from jaxid.identification.joint import read_together
+from jaxid.identification.joined_rows import read_together
 from jaxid.identification.modulating_functions import Knots
+from jaxid.identification.unidentifiable import blind
 from jaxid.loop.log import ContradictionError, Log
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
-from jaxid.identification.joint import read_together
+from jaxid.identification.joined_rows import read_together
 from jaxid.identification.modulating_functions import KNOTS, Knots, modulating
 from jaxid.identification.regression_rows import Logged, guaranteed
 from jaxid.loop.log import ContradictionError, Log

@@ -212,3 +212,14 @@ def _hats(start: int, count: int, size: int, most: int) -> sparse.csr_array:
     inside = (knots >= 0) & (knots < len(at) - 2) & (values != 0)
     entries = values[inside], (rows[inside], knots[inside])
     return sparse.csr_array(entries, shape=(size, len(at) - 2))
+
+
+def program_of(logged: Logged, knots: Knots) -> tuple[Program, Float[np.ndarray, " n"]]:
+    """What `modulating` solves, and u − Φ·centre."""
+    rows, system = logged.record.rows, logged.system
+    channel = logged.channels.get("quantised ÿ")
+    delta = np.asarray(rows.delta)
+    noise = np.zeros(delta.size + 2) if channel is None else np.asarray(channel.bound)
+    phi, box = np.asarray(rows.regressors), np.asarray(system.half_widths)
+    program = Program(phi, delta, noise, box, knots, pieces(rows.measure))
+    return program, np.asarray(logged.record.input) - phi @ np.asarray(system.centre)

@@ -185,3 +185,28 @@ def _most(system: System) -> Float[Array, " m"]:
 
 def _channel(stencil: tuple[float, ...], bound: Array, count: int) -> Channel:
     return Channel(jnp.array(stencil), jnp.broadcast_to(bound, (count,)))
+
+
+def unlogged(system: System, record: Record) -> Logged:
+    """A Record without errors of a sensor, for what takes a log: every row for itself."""
+    return Logged(system, record, {})
+
+
+@eqx.filter_jit
+def upper_ends(
+    logged: Logged,
+    weights: Float[Array, "k n"],
+    misfit: Float[Array, " n"],
+    functionals: Float[Array, "k m"],
+) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """Of Cθ by rows of weights, at most that of the box; and what is due to δ in it."""
+    rows, system = logged.record.rows, logged.system
+    taken = jnp.stack([weights @ column for column in rows.columns], axis=1)
+    disturbed = jnp.abs(weights) @ rows.delta
+    biased = jnp.abs(functionals - taken) @ system.half_widths
+    error = (disturbed + logged.shared(weights) + biased) * (1 + ROUNDED)
+    box = jnp.abs(functionals) @ system.half_widths
+    about = functionals @ system.centre
+    # without a functional there is no box to fall back to
+    least = jnp.where(box > 0, jnp.minimum(weights @ misfit + error, box), weights @ misfit + error)
+    return about + least, disturbed

@@ -1,28 +1,23 @@
 """The closed loop as a function of the motion, and the plants that it may meet."""
 
-import itertools
-from collections.abc import Callable, Sequence
-from typing import TypeVar
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float, Int, Key, PRNGKeyArray
+from jaxtyping import Array, Float
 
 from jaxid._types import Motion, Scalar
 from jaxid.loop.controllers import Controller
-from jaxid.loop.disturbances import Disturbance, Mixture, random_shares
-from jaxid.loop.disturbances import Sequence as Forces
+from jaxid.loop.disturbances import Disturbance
+from jaxid.loop.log import Log
 from jaxid.loop.record import Record
-from jaxid.loop.sensors import Sensor
+from jaxid.loop.scenarios import Scenarios
+from jaxid.loop.sensors import Encoder, Sensor
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.model.interval_arithmetic import Range, exactly
 from jaxid.model.system import System
-from jaxid.motion.limits import Envelope, Limits, Prediction, axis_excess
-from jaxid.motion.trajectory import JerkTrajectory, reference
-
-Result = TypeVar("Result")
+from jaxid.motion.limits import Limits
+from jaxid.motion.trajectory import JerkTrajectory, reference, ticks
+from jaxid.motion.violation import Envelope, Prediction, axis_excess
 
 
 class Loop(eqx.Module):
@@ -48,98 +43,6 @@ class Loop(eqx.Module):
         """Run the motion on a plant."""
         desired = reference(trajectory, self.period, self.ticks, self.repeats)
         return simulate(plant, self.controller, self.sensor, desired, self.period, self.substeps)
-
-
-class Scenarios(eqx.Module):
-    """K plants of one system.
-
-    Attributes:
-        system: of all of them.
-        theta: their parameters.
-        disturbance: one in kind; every array in it has K entries along its first axis.
-    """
-
-    system: System
-    theta: Float[Array, "k m"]
-    disturbance: Disturbance
-
-    def __getitem__(self, chosen: Int[Array | np.ndarray, " c"]) -> "Scenarios":
-        """The plants of these numbers."""
-        parts = jax.tree.map(lambda x: x[chosen], (self.theta, self.disturbance))
-        return Scenarios(self.system, *parts)
-
-    def map(self, function: Callable[[Plant], Result]) -> Result:
-        """The results for every plant, along a new first axis."""
-
-        def one(theta: Float[Array, " m"], disturbance: Disturbance) -> Result:
-            return function(Plant(self.system, theta, disturbance))
-
-        if self.theta.shape[0] > 1:
-            return jax.vmap(one)(self.theta, self.disturbance)
-        # a batch of one takes a quarter longer than no batch
-        only = one(*jax.tree.map(lambda x: x[0], (self.theta, self.disturbance)))
-        return jax.tree.map(lambda x: x[None], only)
-
-
-def every(
-    system: System, thetas: Float[Array, "p m"], disturbances: Sequence[Disturbance]
-) -> Scenarios:
-    """Each of p parameters with each of d disturbances."""
-    p, d = thetas.shape[0], len(disturbances)
-    shares = jnp.tile(jnp.eye(d), (p, 1))
-    return Scenarios(
-        system,
-        jnp.repeat(thetas, d, axis=0),
-        jax.vmap(Mixture)(_copies(disturbances, p * d), shares),
-    )
-
-
-def vertices(system: System) -> Float[Array, "corners m"]:
-    """The corners of Ω_θ."""
-    return jnp.stack([jnp.stack(c) for c in itertools.product(*(t.interval for t in system.terms))])
-
-
-def _keys_of_items(key: PRNGKeyArray, count: int) -> Key[Array, " count"]:
-    """One key per item, which does not depend on how many there are."""
-    return jax.vmap(lambda k: jax.random.fold_in(key, k))(jnp.arange(count))
-
-
-def random_parameters(key: PRNGKeyArray, system: System, count: int) -> Float[Array, "count m"]:
-    """Uniform in Ω_θ; the k-th depends on the key and on k alone."""
-    share = jax.vmap(lambda key: jax.random.uniform(key, system.lower.shape))(
-        _keys_of_items(key, count)
-    )
-    return system.lower[None] + share * (system.upper - system.lower)[None]
-
-
-def random_forces(key: PRNGKeyArray, ticks: int, count: int) -> Forces:
-    """Forces within ±δ drawn anew at every tick; the k-th depends on the key and on k alone."""
-    return jax.vmap(lambda key: random_shares(key, ticks))(_keys_of_items(key, count))
-
-
-def random_scenarios(
-    key: PRNGKeyArray, system: System, kinds: Sequence[Disturbance], ticks: int, count: int
-) -> Scenarios:
-    """Random parameters, each with one of some disturbances or a force drawn anew at every tick.
-
-    Args:
-        key: plant k depends on it and on k alone.
-        system: of all plants.
-        kinds: the disturbances; together with the random force they take turns.
-        ticks: of the whole experiment.
-        count: of plants.
-    """
-    first, second = jax.random.split(key)
-    parts = (*_copies(kinds, count), random_forces(second, ticks, count))
-    turn = jax.nn.one_hot(jnp.arange(count) % len(parts), len(parts))
-    return Scenarios(
-        system, random_parameters(first, system, count), jax.vmap(Mixture)(parts, turn)
-    )
-
-
-def _copies(disturbances: Sequence[Disturbance], count: int) -> tuple[Disturbance, ...]:
-    """Each array of each of them `count` times, along a new first axis."""
-    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), tuple(disturbances))
 
 
 class Sampled(Prediction):
@@ -197,3 +100,23 @@ def _columns(loop: Loop, plant: Plant, trajectory: JerkTrajectory) -> tuple[Moti
     signals = loop(plant, trajectory)[1]
     rate = jnp.diff(signals.input, prepend=jnp.zeros(1)) / loop.period
     return signals.position[1:], signals.velocity[1:], signals.input, rate
+
+
+def run(
+    plant: Plant,
+    controller: Controller,
+    sensor: Sensor,
+    trajectory: JerkTrajectory,
+    period: float,
+    repeats: int = 1,
+) -> tuple[Record, Signals]:
+    """Track a motion, repeated back to back, with a controller of the given period (s)."""
+    desired = reference(trajectory, period, ticks(trajectory, period), repeats)
+    return simulate(plant, controller, sensor, desired, period)
+
+
+def log_of(signals: Signals, encoder: Encoder, period: float) -> Log:
+    """What the servo would have kept of a simulated experiment."""
+    n = signals.input.size
+    read = encoder.quantise(signals.position[:: (signals.position.size - 1) // n])
+    return Log(signals.input, read, period, encoder.resolution)

@@ -61,8 +61,8 @@ from jaxid.model.interval_arithmetic import (
     times,
 )
 from jaxid.model.system import System
-from jaxid.motion.limits import Envelope, Prediction
 from jaxid.motion.trajectory import JerkTrajectory, States, reference
+from jaxid.motion.violation import Envelope, Prediction
 
 # outward at every tick and of every result, relative to 1 and to what is rounded: far more than all
 # roundings of one tick

@@ -6,8 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from jaxid._types import Scalar
-from jaxid.loop.closed_loop import Loop, Scenarios, random_forces, random_parameters
+from jaxid.loop.closed_loop import Loop
 from jaxid.loop.disturbances import Sequence
+from jaxid.loop.scenarios import Scenarios, random_forces, random_parameters
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxid._checks import require
@@ -186,3 +187,19 @@ def _span(*values: Float[Array, "..."]) -> Float[Array, "2"]:
             jnp.max(jnp.stack([jnp.max(x) for x in values])),
         ]
     )
+
+
+def padded(trajectory: JerkTrajectory, size: int) -> JerkTrajectory:
+    """The same motion with intervals of no duration appended, up to `size` in all."""
+    extra = size - trajectory.jerk.size
+    return JerkTrajectory(
+        trajectory.start,
+        jnp.pad(trajectory.jerk, (0, extra)),
+        jnp.pad(trajectory.durations, (0, extra)),
+    )
+
+
+def trimmed(trajectory: JerkTrajectory) -> JerkTrajectory:
+    """The same motion without its intervals of no duration."""
+    keep = np.flatnonzero(np.asarray(trajectory.durations) > 0)
+    return JerkTrajectory(trajectory.start, trajectory.jerk[keep], trajectory.durations[keep])

@@ -13,9 +13,11 @@ from jaxtyping import Array, Float
 
 from jaxid.model.interval_arithmetic import Range, around, plus
 from jaxid.model.system import System, softened
-from jaxid.motion.limits import Envelope, Limits, Prediction, axis_excess, input_demand
-from jaxid.motion.motion_space import Inequalities
+from jaxid.motion.acceleration_limit import input_demand
+from jaxid.motion.inequalities import Inequalities
+from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.violation import Envelope, Prediction, axis_excess
 
 _GROUPS = 4  # of ticks per interval of the motion, about: the worst of each gives a condition
 _BLEND = 0.02  # of the top speed: friction jumps faster than a step of a search can follow

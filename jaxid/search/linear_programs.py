@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import linprog
 
-from jaxid.motion.motion_space import Inequalities
+from jaxid.motion.inequalities import Inequalities
 
 _NEAR = 0.03  # half-widths of a limit
 _CUTS = 8  # rounds of adding broken conditions

@@ -13,12 +13,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from jaxid._types import Scalar
-from jaxid.motion.motion_space import MotionSpace, motion_space, trimmed
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.motion_space import MotionSpace, motion_space
+from jaxid.motion.task import Task
+from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.search.arc_structures import evolved
 from jaxid.search.augmented_lagrangian import LAST_SMOOTHING, descend
 from jaxid.search.initial_guesses import grown, random_starts, rearranged
-from jaxid.search.problem import Objective, Problem, Task
+from jaxid.search.problem import Objective, Problem
 from jaxid.search.restoration import inside, walk
 from jaxid.search.slp import SMOOTHINGS, polish
 
@@ -105,7 +106,7 @@ def design(
     Raises:
         InfeasibleError: if no motion of this length keeps the limits.
     """
-    problem, (limits, boundary, intervals, period, _, size) = task.problem(objective), task
+    problem, (limits, boundary, intervals, period, _, size) = Problem.of(task, objective), task
     deep = inside(problem, intervals, period, size)
     space = motion_space(limits, boundary, intervals, period, size)
     first, *keys = jax.random.split(key, effort.rounds + 1)
@@ -122,7 +123,7 @@ def design(
         history.append(float(pool.values[0]))
         show(_pick(pool, 0))
     assert pool is not None
-    exact = problem if fine is None else task.problem(fine)
+    exact = problem if fine is None else Problem.of(task, fine)
     value, best = _polished(exact, deep, pool, effort, report, show)
     return Design(trimmed(best), value, tuple(history))
 

@@ -1,7 +1,6 @@
 """What a search solves (16): minimise a function of a motion, under limits and via points."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,8 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._types import Scalar
-from jaxid.motion.limits import Boundary, Limits, Prediction, axis_excess, excess, worst_excess
+from jaxid.motion.limits import Boundary, Limits
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.violation import Prediction, axis_excess, excess, worst_excess
 
 Objective = Callable[[JerkTrajectory, Scalar], Scalar]
 _MERIT_PENALTY = 100.0  # as hard as the walls of the last stage of a descent
@@ -31,6 +32,11 @@ class Problem(eqx.Module):
     limits: Limits
     boundary: Boundary
     axis: Prediction | None = None
+
+    @classmethod
+    def of(cls, task: Task, objective: Objective) -> "Problem":
+        """A task with something to minimise."""
+        return cls(objective, task.limits, task.boundary, task.axis)
 
     def excess(self, trajectory: JerkTrajectory) -> Multipliers:
         """How far each condition is exceeded, in half-widths."""
@@ -78,28 +84,3 @@ class Problem(eqx.Module):
         penalty, smooth = jnp.asarray(_MERIT_PENALTY), jnp.asarray(smoothing)
         value = self.lagrangian(trajectory, nothing, penalty, smooth)
         return jnp.nan_to_num(value, nan=jnp.inf)
-
-
-class Task(NamedTuple):
-    """What a motion must do, whatever it is designed for (16).
-
-    Attributes:
-        limits: kept exactly, between the knots too.
-        boundary: kept exactly.
-        intervals: of constant jerk (2·N_i in the paper).
-        period: of each interval, s.
-        axis: what the axis does along a motion, if the limits are to hold for it too; a search
-            calls it very often, so not a simulation (see `axis_conditions.perfect`, and `refine`).
-        size: pad to this many intervals, so that several lengths share one compilation.
-    """
-
-    limits: Limits
-    boundary: Boundary
-    intervals: int
-    period: float
-    axis: Prediction | None = None
-    size: int | None = None
-
-    def problem(self, objective: Objective) -> Problem:
-        """The task with something to minimise."""
-        return Problem(objective, self.limits, self.boundary, self.axis)

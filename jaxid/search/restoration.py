@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxid._checks import require
 from jaxid._types import Scalar
-from jaxid.motion.motion_space import InfeasibleError, interior
+from jaxid.motion.feasibility import InfeasibleError, interior
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.problem import Problem
 

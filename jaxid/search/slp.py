@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._types import Scalar
-from jaxid.motion.motion_space import Inequalities, inequalities, trimmed
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.inequalities import Inequalities, inequalities
+from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.search.frozen_loop import axis_conditions, frozen
 from jaxid.search.linear_programs import Point, Vector, linear_step
 from jaxid.search.problem import Objective, Problem

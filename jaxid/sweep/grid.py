@@ -18,8 +18,7 @@ from jaxid.loop.record import Record
 from jaxid.loop.sensors import Sensor
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.model.system import System
-from jaxid.motion.motion_space import padded
-from jaxid.motion.trajectory import JerkTrajectory, padded_reference, ticks
+from jaxid.motion.trajectory import JerkTrajectory, padded, padded_reference, ticks
 from jaxid.regression.estimate import least_squares_estimate
 from jaxid.regression.filters import filtered
 

@@ -1,6 +1,6 @@
-"""Several logs of one axis as the rows of one: what they prove together.
+"""Several logs of one axis as the rows of one.
 
-Between two logs stand rows that say nothing, as many as the longest stencil reaches, so that no
+Between two logs stand rows that count nothing, as many as the longest stencil reaches, so that no
 error of the one's encoder meets one of the other's.
 """
 
@@ -66,13 +66,13 @@ def joined(parts: Sequence[Logged]) -> Logged:
     return Logged(first.system, Record(rows, all_of(lambda r: r.input, 0.0), None), channels)
 
 
-def _channel(parts: Sequence[Channel]) -> Channel:
-    reach = parts[0].stencil.size - 1  # entries that there are more than rows
-    return Channel(parts[0].stencil, _spaced([part.bound for part in parts], _BETWEEN - reach, 0.0))
-
-
 def _spaced(parts: Sequence[Float[Array, "_"]], count: int, value: float) -> Float[Array, "_"]:
     """One after the other, with some entries between any two of them."""
     between = jnp.full(count, value)
     spaced = [x for part in parts for x in (between, part)]
     return jnp.concatenate(spaced[1:])
+
+
+def _channel(parts: Sequence[Channel]) -> Channel:
+    reach = parts[0].stencil.size - 1  # entries that there are more than rows
+    return Channel(parts[0].stencil, _spaced([part.bound for part in parts], _BETWEEN - reach, 0.0))

@@ -1,0 +1,111 @@
+"""The smallest disturbance bound that is consistent with data, and proofs that less is not."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxid._types import Scalar
+from jaxid.identification.joined_rows import read_together
+from jaxid.identification.modulating_functions import Knots, Program, program_of
+from jaxid.identification.regression_rows import Logged, upper_ends
+from jaxid.loop.log import ContradictionError, Log
+from jaxid.model.disturbance_bound import Scaled
+from jaxid.model.system import System
+
+LEAST, MOST = 1e-3, 1e3  # factors of δ that are looked at
+_CLOSE = 1e-3  # relative, of the smallest one
+_COARSE = 1000  # knots, to begin with
+_WIDER = 1.03  # times the factor that few knots find: all find 2 or 3 % more of the motor's
+_TINY = 1e-6
+
+
+def smallest_factor(
+    rows: Callable[[Scalar], Logged], knots: Knots = None, least: float = LEAST
+) -> float:
+    """The largest s for which s·δ is proved not to explain the data; a thousandth more may do.
+
+    It is `MOST` if not even that does; then an input, a unit or a sign must be wrong.
+
+    Args:
+        rows: the data as rows, with δ multiplied by a factor; for a log its brackets depend on it.
+        knots: of the weights, at most; default all rows.
+        least: where the search begins, and what is returned if already it may explain them.
+    """
+
+    def needed(factor: float, count: Knots) -> float:
+        """Of a multiple of δ once more; infinite where not even the brackets have room."""
+        try:
+            logged = rows(jnp.asarray(factor))
+        except ContradictionError:
+            return np.inf
+        return needed_factor(logged, *program_of(logged, count))
+
+    few = min(_COARSE, knots) if isinstance(knots, int) else knots or _COARSE
+    low, high, n_low = least, least, np.inf
+    for count in dict.fromkeys((few, knots)):  # what few see, all would see
+        while (n_high := needed(high, count)) > 1.0:
+            if high == MOST:
+                return MOST
+            low, n_low = high, n_high
+            high = min(high * max(n_high, _WIDER), MOST)
+        low, high = _closed_in(partial(needed, count=count), (low, n_low), (high, n_high))
+    return low
+
+
+def explaining_factor(
+    system: System, logs: Sequence[Log], knots: Knots = None, least: float = LEAST
+) -> float:
+    """`smallest_factor` of the δ of a system, for logs of it: above 1 they contradict it.
+
+    Args:
+        system: its box and δ.
+        logs: of one axis.
+        knots: of the weights, at most, for each log; default all rows.
+        least: what is returned if already it may explain them.
+    """
+    return smallest_factor(lambda s: read_together(louder(system, s), logs), knots, least)
+
+
+def _closed_in(
+    needed: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
+) -> tuple[float, float]:
+    """Factors a thousandth apart, of which one does not explain the data and the other may.
+
+    By turns: a false position on logarithms, a step next to it, and a bisection.
+
+    Args:
+        needed: of a factor, how much more of δ it would take.
+        low: a factor that does not, and what it would take.
+        high: a factor that does, likewise.
+    """
+    step, moved = 0, high
+    while high[0] > low[0] * (1 + _CLOSE):
+        at = float(np.sqrt(low[0] * high[0]))
+        if step % 3 == 0 and np.isfinite(low[1]):
+            up, down = np.log(low[1]), -np.log(max(high[1], _TINY))
+            at = low[0] * (high[0] / low[0]) ** float(np.clip(up / (up + down), 0.01, 0.99))
+        elif step % 3 == 1:
+            at = high[0] / (1 + _CLOSE) if moved is high else low[0] * (1 + _CLOSE)
+        moved = at, needed(at)
+        low, high = (low, moved) if moved[1] <= 1.0 else (moved, high)
+        step += 1
+    return low[0], high[0]
+
+
+def louder(system: System, factor: Scalar | float) -> System:
+    """The system with s·δ for its disturbance bound."""
+    bound = Scaled(system.disturbance_bound, factor)
+    return eqx.tree_at(lambda s: s.disturbance_bound, system, bound)
+
+
+def needed_factor(logged: Logged, program: Program, misfit: Float[np.ndarray, " n"]) -> float:
+    """What δ must be multiplied by, at least, proved by one row of weights."""
+    weights = jnp.asarray(program.contradicting(misfit))[None]
+    nothing = jnp.zeros((1, program.half_widths.size))
+    end, disturbed = upper_ends(logged, weights, jnp.asarray(misfit), nothing)
+    # 0 ≤ end + (s − 1)·disturbed for every s that explains the data
+    return 1.0 - float(end[0] / disturbed[0]) if disturbed[0] > 0 else 0.0

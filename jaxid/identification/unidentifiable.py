@@ -1,0 +1,49 @@
+"""Directions of the parameters that a motion cannot identify, whatever the data say."""
+
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+from scipy.optimize import linprog
+
+from jaxid.identification.modulating_functions import Knots, Program, program_of
+from jaxid.identification.regression_rows import Logged
+
+
+def blind(logged: Logged, knots: Knots = None) -> dict[str, Float[np.ndarray, " m"]]:
+    """What the motion behind the data cannot tell apart, whatever the data say.
+
+    Args:
+        logged: rows that were made with the prior box.
+        knots: of the weights, at most; default all rows.
+
+    Returns:
+        For each parameter whose prior interval may remain whole, its name and the simplest
+        combination ν that goes unseen: centre + ν and centre − ν explain the same data, and they
+        are at both ends of this interval.
+    """
+    program, _ = program_of(logged, knots)
+    found = {name: _unseen(program, k) for k, name in enumerate(logged.system.names)}
+    return {name: combination for name, combination in found.items() if combination is not None}
+
+
+def _unseen(program: Program, index: int) -> Float[np.ndarray, " m"] | None:
+    """The simplest ν with ν_i = b_i that all weights leave possible; None if there is none.
+
+    In half-widths: |momentsᵀν − Sᵀe| ≤ 1 at every knot for some errors |e| ≤ 1 of the sensor.
+    """
+    (m, count), noisy = program.moments.shape, program.spread.shape[0]
+    rows = sparse.hstack([program.moments.T, -program.moments.T, program.spread.T])
+    unit = np.zeros((1, 2 * m + noisy))
+    unit[0, index], unit[0, m + index] = 1.0, -1.0
+    solution = linprog(
+        np.concatenate([np.ones(2 * m), np.zeros(noisy)]),
+        A_ub=sparse.vstack([rows, -rows]),
+        b_ub=np.ones(2 * count),
+        A_eq=unit,
+        b_eq=[1.0],
+        bounds=[(0.0, 1.0)] * (2 * m) + [(-1.0, 1.0)] * noisy,
+        method="highs",
+    )
+    if solution.x is None:
+        return None
+    return (solution.x[:m] - solution.x[m : 2 * m]) * program.half_widths

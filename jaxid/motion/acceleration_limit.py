@@ -1,0 +1,93 @@
+"""The accelerations that the input leaves room for: (18), and what a motion asks of the input."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxid._checks import is_concrete, require
+from jaxid._types import Ends, Interval, Scalar, as_interval
+from jaxid.model.interval_arithmetic import Range
+from jaxid.model.system import System
+from jaxid.motion.trajectory import States
+
+
+def acceleration_limit(system: System, position: Ends, velocity: Ends, input: Ends) -> Interval:
+    """(18), read sharply: what the input has left for θ_x2·ÿ after Σ_j max|f_j|·max|θ_j|.
+
+    As in the paper the disturbance and the feedback effort are left out, so that |u| ≤ u_max in
+    closed loop does not follow from it. For the motor 400/9 = 44.4 m/s².
+    """
+    peaks = _peak_parameters(system)[1:] * _peak_regressors(system, position, velocity)
+    return _remaining(system, as_interval(input), jnp.sum(peaks))
+
+
+def acceleration_limit_euclidean(
+    system: System, position: Ends, velocity: Ends, input: Ends
+) -> Interval:
+    """(18) as printed: max|f|₂·max|θ_φ|₂ (Cauchy-Schwarz). For the motor 43.8 m/s²."""
+    regressor = jnp.linalg.norm(_peak_regressors(system, position, velocity))
+    return _remaining(
+        system, as_interval(input), regressor * jnp.linalg.norm(_peak_parameters(system)[1:])
+    )
+
+
+def acceleration_reach(system: System, position: Ends, velocity: Ends, input: Ends) -> Interval:
+    """The accelerations that `input_demand` leaves at the state that needs the least for the rest.
+
+    For the motor 51.9 m/s²: friction may be zero, and the offset and δ may not help.
+    """
+    box = (Range(*as_interval(position)), Range(*as_interval(velocity)))
+    needs = system.disturbance_bound.range(*box).lower
+    up, down = needs, needs
+    for term, span in zip(system.terms[1:], system.force_ranges(*box), strict=True):
+        up = up + _least_peak(term.interval, span)
+        down = down + _least_peak(-term.interval[::-1], span)
+    low, high = as_interval(input)
+    return jnp.stack([low + down, high - up]) / system.upper[0]
+
+
+def _least_peak(interval: Interval, span: Range) -> Scalar:
+    """The least of max θf over f in a range, θ being the worst in its interval: convex in f."""
+    f = jnp.stack([span.lower, span.upper, jnp.clip(0.0, span.lower, span.upper)])
+    return jnp.min(jnp.maximum(f * interval[0], f * interval[1]))
+
+
+def input_demand(system: System, states: States) -> Range:
+    """All inputs that the motion itself may ask for: φᵀθ + Δ over θ ∈ Ω_θ and |Δ| ≤ δ.
+
+    The input limit itself, where (18) is one number for all motions: friction helps to brake. What
+    feedback adds is left out.
+    """
+    phi = system.regressors(*states)
+    ends = [term.interval for term in system.terms]
+    sides = [(f * low, f * high) for f, (low, high) in zip(phi, ends, strict=True)]
+    delta = system.disturbance_bound(states.position, states.velocity)
+    return Range(
+        sum((jnp.minimum(*side) for side in sides), start=-delta),
+        sum((jnp.maximum(*side) for side in sides), start=delta),
+    )
+
+
+def _peak_parameters(system: System) -> Float[Array, " m"]:
+    return jnp.maximum(jnp.abs(system.lower), jnp.abs(system.upper))
+
+
+def _peak_regressors(system: System, position: Ends, velocity: Ends) -> Float[Array, " forces"]:
+    position, velocity = as_interval(position), as_interval(velocity)
+    return jnp.stack(
+        [
+            term.regressor.magnitude(position, velocity)
+            for term in system.terms
+            if term.regressor is not None
+        ]
+    )
+
+
+def _remaining(system: System, input: Interval, load: Scalar) -> Interval:
+    remaining = input + jnp.stack([load, -load])
+    if is_concrete(remaining):
+        require(
+            float(remaining[0]) < 0 < float(remaining[1]),
+            f"Argument `input` must leave something for acceleration, but the terms of the system "
+            f"may take {float(load):g} {system.input_unit} of {list(map(float, input))}.",
+        )
+    return remaining / system.upper[0]

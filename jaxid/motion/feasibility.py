@@ -1,0 +1,127 @@
+"""Whether a motion of some length keeps all limits: one inside of them, or a proof by LP."""
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import linprog
+
+from jaxid.motion.inequalities import Inequalities, Vector, sampled_conditions
+from jaxid.motion.limits import Boundary, Limits
+from jaxid.motion.trajectory import JerkTrajectory, padded, uniform
+from jaxid.motion.violation import worst_excess
+
+
+class InfeasibleError(ValueError):
+    """No motion of this length meets the limits: proved, with the shortest length that does."""
+
+    def __init__(self, intervals: int, period: float, shortage: float, shortest: int) -> None:
+        """Say so in a sentence; `shortage` is the proved relaxation, in half-widths."""
+        self.shortest = shortest
+        super().__init__(
+            f"Argument `intervals`: no motion of {intervals} intervals of {period:g} s keeps the "
+            f"limits and via points (a linear program proves that all of them would have to be "
+            f"widened by {100 * shortage:.2g} % of their half-width); the shortest that does has "
+            f"{shortest} intervals."
+        )
+
+
+def interior(
+    limits: Limits, boundary: Boundary, intervals: int, period: float, size: int | None = None
+) -> JerkTrajectory:
+    """The motion that stays farthest inside all limits, measured in their half-widths.
+
+    Args:
+        limits: to stay inside of.
+        boundary: to meet.
+        intervals: n, how many pieces of constant jerk.
+        period: T of each, s.
+        size: pad to this many intervals; default no padding.
+
+    Raises:
+        InfeasibleError: if there is none, which a linear program proves.
+    """
+    trajectory, margin = _deepest(limits, boundary, intervals, period, size)
+    if trajectory is None and margin < 0:
+        shortest = shortest_feasible(limits, boundary, period, multiple=_grid(boundary))
+        raise InfeasibleError(intervals, period, -margin, shortest)
+    if trajectory is None:
+        raise ValueError(
+            f"Argument `intervals`: with {intervals} intervals of {period:g} s the admissible "
+            f"motions have no interior (largest margin {margin:.1e}): allow a longer motion or "
+            "wider limits."
+        )
+    return trajectory
+
+
+def shortest_feasible(
+    limits: Limits, boundary: Boundary, period: float, multiple: int = 1, most: int = 2000
+) -> int:
+    """The smallest number of intervals, a multiple, for which a motion has room to all limits."""
+    for intervals in range(multiple, most + 1, multiple):
+        if _deepest(limits, boundary, intervals, period)[0] is not None:
+            return intervals
+    raise ValueError(
+        f"Argument `boundary`: no motion of up to {most} intervals of {period:g} s meets it within "
+        "the limits."
+    )
+
+
+def _deepest(
+    limits: Limits, boundary: Boundary, intervals: int, period: float, size: int | None = None
+) -> tuple[JerkTrajectory | None, float]:
+    """The deepest motion, if one has room, and its margin: below zero if none is *proved* to."""
+    margin = 0.0
+    for per_interval in (4, 16, 64):
+        c = sampled_conditions(limits, boundary, intervals, period, per_interval)
+        x, margin, bound = _largest_margin(c)
+        if bound < 0:
+            return None, bound
+        found = padded(uniform(boundary.start, jnp.asarray(x * c.unit), period), size or intervals)
+        # sampling relaxes the limits between the samples: only the exact extrema decide
+        if margin > 0 and float(worst_excess(limits, boundary, found)) < 0:
+            return found, margin
+    return None, max(0.0, margin)
+
+
+def _largest_margin(c: Inequalities) -> tuple[Vector, float, float]:
+    """Max s such that every inequality holds with s to spare; also an upper bound of s, proved.
+
+    The bound does not trust the solver. Stack the inequalities as A x + s ≤ b and the equalities as
+    E x = f. For any multipliers λ ≥ 0 and μ, s·Σλ ≤ λᵀb + μᵀf − (Aᵀλ + Eᵀμ)ᵀx, where the jerk
+    limits give |x| ≤ 1 + max(0, −s). A negative right-hand side excludes every s ≥ 0.
+    """
+    n = c.rows.shape[1]
+    up, down = ~c.fixed & np.isfinite(c.upper), ~c.fixed & np.isfinite(c.lower)
+    low, high = c.jerk / c.unit
+    A = np.vstack([c.rows[up], -c.rows[down], np.eye(n), -np.eye(n)])
+    b = np.concatenate([c.upper[up], -c.lower[down], np.full(n, high), np.full(n, -low)])
+    E, f = c.rows[c.fixed], c.lower[c.fixed]
+    if np.linalg.norm(E @ (np.linalg.pinv(E) @ f) - f) > 1e-9 * (1 + np.linalg.norm(f)):
+        return np.zeros(n), -np.inf, -np.inf  # too few intervals to meet the equalities at all
+    solution = linprog(
+        np.append(np.zeros(n), -1.0),
+        A_ub=np.column_stack([A, np.ones(len(b))]),
+        b_ub=b,
+        A_eq=np.column_stack([E, np.zeros(len(f))]),
+        b_eq=f,
+        bounds=(None, None),
+        method="highs",
+    )
+    assert solution.x is not None, solution.message  # s is free, so there always is a solution
+    multipliers = np.maximum(-solution.ineqlin.marginals, 0.0)
+    others = -solution.eqlin.marginals
+    margin = float(solution.x[n])
+    # the solver meets the equalities to 1e-7; this does to rounding, and moves x by as little
+    x = solution.x[:n] - np.linalg.pinv(E) @ (E @ solution.x[:n] - f)
+    terms = np.concatenate([multipliers * b, others * f])
+    residual = np.sum(np.abs(A.T @ multipliers + E.T @ others))
+    rounding = 1e-12 * np.sum(np.abs(terms))
+    total = np.sum(terms) + residual * (1 + abs(margin)) + rounding
+    return x, margin, float(total / np.sum(multipliers))
+
+
+def _grid(boundary: Boundary) -> int:
+    """The smallest count of intervals that puts every via point on a knot."""
+    for count in range(1, 100):
+        if all(abs(via.at * count - round(via.at * count)) < 1e-9 for via in boundary.vias):
+            return count
+    return 1
