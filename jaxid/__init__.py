@@ -19,26 +19,26 @@ that is handed in.
 
 from jaxid.axis.file import Axis, read_axis
 from jaxid.design.criteria import FilteredError, PlannedError, ThroughLoop, planned_error
-from jaxid.design.evaluation import Appraisal, appraise
+from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.design.guaranteed_criterion import GuaranteedError
-from jaxid.design.nominal_log import foreseen
+from jaxid.design.nominal_log import nominal_log
 from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed, design_motion
-from jaxid.identification.falsification import explaining_factor, louder, smallest_factor
+from jaxid.identification.falsification import louder, smallest_disturbance_factor, smallest_factor
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set
 from jaxid.identification.intervals import Guarantee, assumptions, identify_log, identify_logs
-from jaxid.identification.regression_rows import unlogged
-from jaxid.identification.state_bounds import Brackets, brackets
-from jaxid.identification.unidentifiable import blind
+from jaxid.identification.regression_rows import exact_rows
+from jaxid.identification.state_bounds import StateBounds, state_bounds
+from jaxid.identification.unidentifiable import unidentifiable_directions
 from jaxid.io.setpoints import Setpoints, margins, read_setpoints, sampled, write_setpoints
-from jaxid.loop.closed_loop import Loop, Sampled, log_of, run
+from jaxid.loop.closed_loop import Loop, SampledPlants, log_of, run
 from jaxid.loop.controllers import ARC, OpenLoop, PDFeedforward
 from jaxid.loop.disturbances import Cogging, LowSpeedFriction, Mixture
-from jaxid.loop.log import ContradictionError, Log
+from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
-from jaxid.loop.tube import Tube, cells
+from jaxid.loop.tube import Tube, parameter_cells
 from jaxid.model.disturbance_bound import ConstantBound, SpeedBand
 from jaxid.model.regressors import Constant, Coulomb, Custom, OneWay, Sign, Sine, Spring, Viscous
 from jaxid.model.system import System, Term
@@ -51,7 +51,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate, estimate
 from jaxid.regression.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
 from jaxid.regression.filtered_least_squares import identify
-from jaxid.regression.lower_bound import Floor, floor
+from jaxid.regression.lower_bound import LowerBound, lower_bound
 from jaxid.regression.minimax import Optimum, minimax
 from jaxid.regression.worst_case import Norm, infinity
 from jaxid.runtime import configure
@@ -62,14 +62,11 @@ from jaxid.search.problem import Problem
 __all__ = [
     "ARC",
     "ESTIMATORS",
-    "Appraisal",
     "Axis",
     "Boundary",
-    "Brackets",
     "Cogging",
     "Constant",
     "ConstantBound",
-    "ContradictionError",
     "Coulomb",
     "Custom",
     "Design",
@@ -77,14 +74,15 @@ __all__ = [
     "Encoder",
     "Estimate",
     "Estimator",
+    "Evaluation",
     "FeasibleSet",
     "Filtered",
     "FilteredError",
-    "Floor",
     "Guarantee",
     "GuaranteedEffort",
     "GuaranteedError",
     "IdealSensor",
+    "InconsistentLogError",
     "InfeasibleError",
     "JerkTrajectory",
     "LeastSquares",
@@ -92,6 +90,7 @@ __all__ = [
     "Log",
     "Loop",
     "LowSpeedFriction",
+    "LowerBound",
     "Minimax",
     "Mixture",
     "Norm",
@@ -102,7 +101,7 @@ __all__ = [
     "PlannedError",
     "Plant",
     "Problem",
-    "Sampled",
+    "SampledPlants",
     "Scenarios",
     "Servo",
     "Setpoints",
@@ -110,6 +109,7 @@ __all__ = [
     "Sine",
     "SpeedBand",
     "Spring",
+    "StateBounds",
     "System",
     "Task",
     "Term",
@@ -118,20 +118,15 @@ __all__ = [
     "Via",
     "Viscous",
     "acceleration_limit",
-    "appraise",
     "approach",
     "assumptions",
-    "blind",
-    "brackets",
-    "cells",
     "configure",
     "design_guaranteed",
     "design_motion",
     "estimate",
-    "explaining_factor",
+    "evaluate",
+    "exact_rows",
     "feasible_set",
-    "floor",
-    "foreseen",
     "identify",
     "identify_log",
     "identify_logs",
@@ -139,8 +134,11 @@ __all__ = [
     "joined",
     "log_of",
     "louder",
+    "lower_bound",
     "margins",
     "minimax",
+    "nominal_log",
+    "parameter_cells",
     "planned_error",
     "position_at_least",
     "read_axis",
@@ -148,9 +146,11 @@ __all__ = [
     "refine",
     "run",
     "sampled",
+    "smallest_disturbance_factor",
     "smallest_factor",
+    "state_bounds",
     "through",
-    "unlogged",
+    "unidentifiable_directions",
     "wait",
     "write_setpoints",
 ]

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.loop.closed_loop import Loop, Sampled, excesses
+from jaxid.loop.closed_loop import Loop, SampledPlants, plant_violations
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.scenarios import every, random_scenarios, vertices
 from jaxid.loop.sensors import IdealSensor
-from jaxid.loop.worst_case_plants import adversaries
+from jaxid.loop.worst_case_plants import find_worst_case_plants
 from jaxid.motion.limits import Boundary, shrunk
 from jaxid.motion.trajectory import uniform
-from jaxid.motion.violation import worst_excess
+from jaxid.motion.violation import worst_violation
 from jaxid.search.problem import Problem
 
 H, TICKS = motor.CONTROL_PERIOD, 3000
@@ -27,7 +27,9 @@ def loop() -> Loop:
 
 @pytest.fixture(scope="module")
 def searched(loop, motion):
-    return adversaries(loop, motor.system(), motor.limits(), motion, jax.random.key(0), 12)
+    return find_worst_case_plants(
+        loop, motor.system(), motor.limits(), motion, jax.random.key(0), 12
+    )
 
 
 def test_plants_searched_for_keep_the_box_and_the_bound(searched):
@@ -41,7 +43,7 @@ def test_plants_searched_for_are_worse_than_random_ones(loop, motion, searched):
     """On every side of every limit of speed and input, and by much against as many random ones."""
     kinds = [NoDisturbance(), AgainstTracking(10.0)]
     random = random_scenarios(jax.random.key(1), motor.system(), kinds, TICKS, 12)
-    found, others = (Sampled(loop, plants)(motion) for plants in (searched, random))
+    found, others = (SampledPlants(loop, plants)(motion) for plants in (searched, random))
     for mine, theirs in ((found.velocity, others.velocity), (found.input, others.input)):
         assert jnp.max(mine.upper) > jnp.max(theirs.upper)
         assert jnp.min(mine.lower) < jnp.min(theirs.lower)
@@ -55,9 +57,9 @@ def test_excesses_are_those_of_the_envelope(loop, motion):
     np.testing.assert_allclose(limits.velocity, [-1.6, 1.6], rtol=1e-12)
     np.testing.assert_allclose(limits.input, [-7.0, 7.0], rtol=1e-12)
     plants = every(motor.system(), vertices(motor.system())[::5], [NoDisturbance()])
-    found = np.asarray(excesses(loop, plants, limits, motion))
+    found = np.asarray(plant_violations(loop, plants, limits, motion))
     assert found.shape == (4, 4)
-    envelope = Sampled(loop, plants)(motion)
+    envelope = SampledPlants(loop, plants)(motion)
     half = [0.1845, 1.6, 7.0]
     low, high = [0.0105, -1.6, -7.0], [0.3795, 1.6, 7.0]
     for k in range(3):
@@ -86,13 +88,15 @@ def test_a_loop_that_diverges_keeps_no_limit(motion):
     plants = every(motor.system(), vertices(motor.system())[:2], [NoDisturbance()])
     signals = plants.map(lambda plant: loop(plant, motion)[1])
     assert jnp.any(jnp.isnan(signals.position))
-    assert jnp.all(excesses(loop, plants, motor.limits(), motion) > 0)
-    problem = Problem(lambda t, s: 0.0, motor.limits(), motor.boundary(), Sampled(loop, plants))
+    assert jnp.all(plant_violations(loop, plants, motor.limits(), motion) > 0)
+    problem = Problem(
+        lambda t, s: 0.0, motor.limits(), motor.boundary(), SampledPlants(loop, plants)
+    )
     assert problem.violation(motion) == jnp.inf
-    assert jnp.all(jnp.isinf(Sampled(loop, plants)(motion).position.upper[-10:]))
+    assert jnp.all(jnp.isinf(SampledPlants(loop, plants)(motion).position.upper[-10:]))
 
 
 def test_a_motion_that_is_no_number_keeps_no_limit():
     jerk = jnp.zeros(9000).at[5000].set(jnp.nan)
     motion = uniform(jnp.zeros(3), jerk, 1e-4)
-    assert worst_excess(motor.limits(), Boundary((0.0, 0.0, 0.0), ()), motion) == jnp.inf
+    assert worst_violation(motor.limits(), Boundary((0.0, 0.0, 0.0), ()), motion) == jnp.inf

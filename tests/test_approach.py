@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from experiments.axes import linear_motor as motor
 from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.point_to_point import approach, joined, wait
-from jaxid.motion.violation import worst_excess
+from jaxid.motion.violation import worst_violation
 
 ends = st.tuples(st.floats(0.1, 10.0), st.floats(0.1, 10.0)).map(lambda x: (-x[0], x[1]))
 
@@ -47,7 +47,7 @@ def test_no_shorter_one_is_as_gentle():
     """By the three least times that half of one limit alone leaves, and by the exact extrema."""
     limits, period = motor.limits(), 0.001
     found = approach(limits, 0.35, 0.0, period)
-    assert worst_excess(limits, Boundary((0.35, 0.0, 0.0), ()), found) < 0
+    assert worst_violation(limits, Boundary((0.35, 0.0, 0.0), ()), found) < 0
     # way / v + v / a + a / j in continuous time, at 1 m/s, 22.2 m/s² and 500 m/s³
     a = float(limits.acceleration[1]) / 2
     assert 0 <= float(found.duration) - (0.35 / 1.0 + 1.0 / a + a / 500) < 5 * period

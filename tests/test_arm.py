@@ -19,7 +19,7 @@ from jaxid.loop.disturbances import Sequence
 from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant
 from jaxid.motion.task import Task
-from jaxid.motion.violation import worst_excess
+from jaxid.motion.violation import worst_violation
 from jaxid.regression.filtered_least_squares import identify
 from jaxid.regression.filters import adjoint, filtered
 from jaxid.regression.worst_case import least_squares
@@ -38,7 +38,7 @@ def test_from_design_to_identified_interval(key):
         system, Task(limits, boundary, 50, arm.KNOT_PERIOD), "G", key, effort=effort
     )
     trajectory = design.trajectory
-    assert worst_excess(limits, boundary, trajectory) <= 0
+    assert worst_violation(limits, boundary, trajectory) <= 0
     star = planned_error(system, trajectory)
     assert star[3] < system.half_widths[3] / 2
 
@@ -91,7 +91,7 @@ def test_what_is_printed_of_it_is_that_of_the_motions_in_the_files(figures, tmp_
     assert max(best) < min(max(others) for others in gaps.values())
     for design in (*gaps, one_link_arm.ALL):
         found = read_trajectory(study.path(design), "rotary")
-        assert worst_excess(arm.limits(), arm.boundary(), found) <= 0
+        assert worst_violation(arm.limits(), arm.boundary(), found) <= 0
     proved = [read_table(folder / "arm_proved.csv") for folder in (figures, tmp_path)]
     for row, other in zip(*proved, strict=True):
         assert float(row["lower"]) <= float(row["theta_true"]) <= float(row["upper"])
@@ -108,4 +108,4 @@ def test_a_design_of_each_kind_is_searched():
     for name in ("G", one_link_arm.ALL):
         found, motion = one_link_arm.searched(study, name)
         assert found == name
-        assert worst_excess(arm.limits(), arm.boundary(), motion) <= 0
+        assert worst_violation(arm.limits(), arm.boundary(), motion) <= 0

@@ -15,9 +15,9 @@ from jaxid.identification import batches as stretches
 from jaxid.identification.intervals import identify_logs
 from jaxid.io.files import read_trajectory
 from jaxid.io.log_file import Recorded
-from jaxid.io.segments import steady
+from jaxid.io.segments import steady_segments
 from jaxid.loop.closed_loop import log_of, run
-from jaxid.loop.log import ContradictionError
+from jaxid.loop.log import InconsistentLogError
 from jaxid.loop.sensors import Encoder
 from jaxid.motion.trajectory import uniform
 
@@ -87,7 +87,7 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     axis = read_axis(tmp_path / "axis.toml")
     time, u, q = rows.T
     recorded = Recorded(time * 1e-3, q * 1e-6, u * -0.5)
-    pieces = steady(recorded, axis.servo.period, axis.servo.resolution, DELAY)
+    pieces = steady_segments(recorded, axis.servo.period, axis.servo.resolution, DELAY)
     logs = [piece.log for piece in pieces]
     own = identify_logs(axis.system, logs, stretches.shared(1000, logs))
     bounds = [one["bound"] for one in found["parameters"].values()]
@@ -130,7 +130,7 @@ def test_a_contradiction_of_the_second_reading_is_one_too(tmp_path, log, monkeyp
     """The first reading may find δ large enough, and the box that it leaves still be empty."""
 
     def refused(*arguments):
-        raise ContradictionError("no M in its prior interval can have left it.")
+        raise InconsistentLogError("no M in its prior interval can have left it.")
 
     monkeypatch.setattr(stretches, "identify_logs", refused)
     with pytest.raises(SystemExit) as stopped:

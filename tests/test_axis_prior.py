@@ -8,7 +8,7 @@ from experiments.axes import linear_motor as motor
 from jaxid.axis import cli
 from jaxid.axis.file import example, read_axis
 from jaxid.axis.prior import propose
-from jaxid.identification.least_squares import fit
+from jaxid.identification.least_squares import fit_least_squares
 from jaxid.io.log_file import Recorded
 from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.log import Log
@@ -30,7 +30,7 @@ def jog():
 
 
 def test_a_fit_is_that_of_the_means_by_hand(jog):
-    found = fit(motor.system(), [jog])
+    found = fit_least_squares(motor.system(), [jog])
     y, u = np.asarray(jog.position), np.asarray(jog.input)
     v = (y[2:] - y[:-2]) / (2 * PERIOD)
     friction = 2 / np.pi * np.arctan(1000.0 * v)
@@ -49,7 +49,7 @@ def test_a_fit_is_that_of_the_means_by_hand(jog):
         Log(jog.input[a:b], jog.position[a : b + 1], PERIOD, jog.resolution)
         for a, b in ((0, 1500), (1500, 3000))
     ]
-    apart = fit(motor.system(), halves)
+    apart = fit_least_squares(motor.system(), halves)
     np.testing.assert_allclose(apart.theta, found.theta, rtol=0.02)
     assert np.all(np.diff(apart.time) > 0)
 
@@ -59,9 +59,9 @@ def test_a_log_that_does_not_tell_parameters_apart_is_not_fitted():
     position = jnp.asarray(0.1 + speed * PERIOD * np.arange(n + 1))
     log = Log(jnp.full(n, 0.4), position, PERIOD, 0.0)
     with pytest.raises(ValueError, match=r"does not tell .*B and Fc and dbar apart"):
-        fit(motor.system(), [log])
+        fit_least_squares(motor.system(), [log])
     with pytest.raises(ValueError, match="more than 4 times 5 ticks"):
-        fit(motor.system(), [Log(jnp.zeros(10), jnp.zeros(11), PERIOD, 0.0)])
+        fit_least_squares(motor.system(), [Log(jnp.zeros(10), jnp.zeros(11), PERIOD, 0.0)])
 
 
 def test_short_pieces_of_a_long_log_are_fitted_too(jog, monkeypatch):
@@ -71,7 +71,7 @@ def test_short_pieces_of_a_long_log_are_fitted_too(jog, monkeypatch):
         Log(jog.input[a : a + 150], jog.position[a : a + 151], PERIOD, jog.resolution)
         for a in range(0, 3000, 150)
     ]
-    apart = fit(motor.system(), pieces)
+    apart = fit_least_squares(motor.system(), pieces)
     assert apart.rest.size == 20 * (149 // 15)
     np.testing.assert_allclose(apart.theta[0], TRUTH[0], rtol=0.05)
 

@@ -13,8 +13,8 @@ from experiments.paper import certificates
 from experiments.paper.designs import HORIZON, ONE_MOTION, Cell, trajectory_path
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.record import rows_of
-from jaxid.motion.violation import worst_excess
-from jaxid.regression.lower_bound import floor
+from jaxid.motion.violation import worst_violation
+from jaxid.regression.lower_bound import lower_bound
 
 
 @pytest.fixture(scope="module")
@@ -30,10 +30,10 @@ def table(figures):
 
 def test_one_motion_is_near_the_floor_of_every_parameter_at_once(motion, table):
     """Within 6, 1.5, 2 and 1 %, every limit exact."""
-    least = floor(motor.system(), motor.limits())
+    least = lower_bound(motor.system(), motor.limits())
     gap = np.asarray(certificates.worth(motion, least).appraisal.gap)
     assert np.all(gap <= [0.06, 0.015, 0.02, 0.01])
-    assert worst_excess(motor.limits(), motor.boundary(), motion) <= 0
+    assert worst_violation(motor.limits(), motor.boundary(), motion) <= 0
     assert motion.jerk.size == 60
     printed = [float(table[ONE_MOTION, "30", name]["gap"]) for name in motor.system().names]
     np.testing.assert_allclose(printed, gap, rtol=1e-4, atol=1e-6)
@@ -104,9 +104,9 @@ def test_what_other_sensors_cost_is_what_the_table_says(tmp_path, figures):
     for row in again:
         ours = float(row["guaranteed"])
         assert printed[tuple(row[k] for k in keys)] == pytest.approx(ours, rel=1e-4)
-    floor = {row["parameter"]: float(row["floor"]) for row in rows}
+    lower_bound = {row["parameter"]: float(row["floor"]) for row in rows}
     for (way, period, resolution, name), value in printed.items():
-        assert value >= floor[name]
+        assert value >= lower_bound[name]
         assert printed["modulating", period, resolution, name] <= value, way
 
 

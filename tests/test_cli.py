@@ -15,12 +15,12 @@ from jaxid.axis import tradeoff as axis_tradeoff
 from jaxid.axis.design import FILES, appraised, designs_in, in_words, of_another_axis
 from jaxid.axis.file import example, read_axis
 from jaxid.axis.simulate import simulate_axis
-from jaxid.design.evaluation import appraise
+from jaxid.design.evaluation import evaluate
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.io.setpoints import margins, read_setpoints
 from jaxid.motion.feasibility import interior
-from jaxid.motion.violation import worst_excess
-from jaxid.regression.lower_bound import floor
+from jaxid.motion.violation import worst_violation
+from jaxid.regression.lower_bound import lower_bound
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
     axis = read_axis(path)
     system, limits = axis.system, axis.task.limits
     motion = read_trajectory(out / "trajectory.csv", "rotary")
-    assert worst_excess(limits, axis.task.boundary, motion) <= 0
+    assert worst_violation(limits, axis.task.boundary, motion) <= 0
     left = margins(read_setpoints(out / "setpoints.mat", "rotary"), limits)
     assert min(left.values()) >= -1e-9
     written = json.loads((out / "design.json").read_text())
@@ -82,7 +82,7 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
     desired = motion.states(jnp.asarray(at[~before])).position
     np.testing.assert_allclose(points.position[~before], desired, atol=1e-12)
     assert points.time[-1] == pytest.approx(written["ends_s"])
-    worth = appraise(system, motion, axis.servo, floor(system, limits))
+    worth = evaluate(system, motion, axis.servo, lower_bound(system, limits))
     for k, name in enumerate(system.names):
         own = written["parameters"][name]
         assert f"{own['guaranteed']:.4g}" in said
@@ -102,7 +102,7 @@ def hardly_designed(axis, target, seed, effort, report):
     """In the place of a search, whose result is tested above."""
     task = axis.task
     motion = interior(task.limits, task.boundary, task.intervals, task.period)
-    least = floor(axis.system, task.limits)
+    least = lower_bound(axis.system, task.limits)
     return appraised(axis, target, in_words(seed, effort), motion, least)
 
 
@@ -119,13 +119,13 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     designs = {(row["target"], float(row["duration_s"])) for row in table}
     assert designs == {("M", 0.5), ("M", 0.6), ("all", 0.5), ("all", 0.6)}
     axis = read_axis(path)
-    least = floor(axis.system, axis.task.limits)
+    least = lower_bound(axis.system, axis.task.limits)
     for target, duration in designs:
         folder = out / f"{target}_{duration:g}s"
         assert sorted(FILES) == sorted(p.name for p in folder.iterdir())
         motion = read_trajectory(folder / "trajectory.csv")
         assert float(motion.duration) == pytest.approx(duration)
-        worth = appraise(axis.system, motion, axis.servo, least)
+        worth = evaluate(axis.system, motion, axis.servo, least)
         own = [r for r in table if (r["target"], float(r["duration_s"])) == (target, duration)]
         found = [float(row["guaranteed"]) for row in own]
         np.testing.assert_allclose(found, worth.guaranteed, rtol=1e-6)

@@ -19,11 +19,11 @@ from experiments.paper.designs import HORIZON
 from jaxid.design.criteria import PlannedError
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.motion.task import Task
-from jaxid.motion.violation import worst_excess
-from jaxid.regression.lower_bound import floor
+from jaxid.motion.violation import worst_violation
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.worst_case import infinity
 from jaxid.search.multistart import Effort
-from jaxid.search.restoration import inside, walk
+from jaxid.search.restoration import interior_motion, restored
 
 TASK = Task(motor.limits(), motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
 
@@ -104,15 +104,15 @@ def test_a_family_is_given_at_least_the_starts_and_evaluations_of_a_design():
 def test_a_search_in_a_family_improves_and_keeps_the_limits(key):
     objective = PlannedError(motor.system(), infinity(motor.system().half_widths), 2.0, 5)
     problem, one = TASK.problem(objective), family("bang_bang")
-    deep = inside(problem, TASK.intervals, TASK.period)
+    deep = interior_motion(problem, TASK.intervals, TASK.period)
     random = jax.random.normal(key, (128, one.size))
-    start = min(float(problem.value(walk(problem, deep, one.trajectory(z)))) for z in random)
+    start = min(float(problem.value(restored(problem, deep, one.trajectory(z)))) for z in random)
     z, second = best_members(problem, deep, one, key, Budget(128, 128 + 224 * 120), 2)
-    searched = float(problem.value(walk(problem, deep, one.trajectory(z))))
+    searched = float(problem.value(restored(problem, deep, one.trajectory(z))))
     assert searched < start - 0.005
-    assert searched <= float(problem.value(walk(problem, deep, one.trajectory(second))))
+    assert searched <= float(problem.value(restored(problem, deep, one.trajectory(second))))
     z, found = polished_member(problem, deep, one, z, 15, (1e-3, 1e-4))
-    np.testing.assert_array_equal(walk(problem, deep, one.trajectory(z)).jerk, found.jerk)
+    np.testing.assert_array_equal(restored(problem, deep, one.trajectory(z)).jerk, found.jerk)
     assert float(problem.violation(found)) <= 0
     assert float(problem.value(found)) < searched - 0.005
 
@@ -126,7 +126,7 @@ def test_the_table_is_that_of_the_motions_in_the_files(figures, tmp_path):
     assert (tmp_path / "table5.png").exists()
     again, printed = (read_table(folder / "table5.csv") for folder in (tmp_path, figures))
     assert len(printed) == 4 * len(compare.EXCITATIONS)
-    least, relative = np.asarray(floor(motor.system(), motor.limits()).value), {}
+    least, relative = np.asarray(lower_bound(motor.system(), motor.limits()).value), {}
     for row, other in zip(printed, again, strict=True):
         assert row["excitation"] == other["excitation"]
         assert row["parameter"] == other["parameter"]
@@ -139,7 +139,7 @@ def test_the_table_is_that_of_the_motions_in_the_files(figures, tmp_path):
         relative.setdefault(row["excitation"], []).append((1 + float(row["gap"])) / allowed)
     for name in compare.EXCITATIONS:
         found = read_trajectory(options.path(name))
-        assert worst_excess(motor.limits(), motor.boundary(), found) <= 0
+        assert worst_violation(motor.limits(), motor.boundary(), found) <= 0
         assert found.jerk.size == TASK.intervals
     assert max(relative.pop("minimax")) < 1.0
     assert all(max(others) > 1.0 for others in relative.values())
@@ -151,4 +151,4 @@ def test_an_excitation_of_each_kind_is_searched():
     for name in ("prbs", "e_optimal"):
         found, motion = compare.searched(options, name)
         assert found == name
-        assert worst_excess(motor.limits(), motor.boundary(), motion) <= 0
+        assert worst_violation(motor.limits(), motor.boundary(), motion) <= 0

@@ -12,9 +12,9 @@ from jaxid.motion.feasibility import interior
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.motion.violation import worst_excess
+from jaxid.motion.violation import worst_violation
 from jaxid.regression.worst_case import individual, infinity
-from jaxid.search.arc_structures import Dwells, jerk_of
+from jaxid.search.arc_structures import Arcs, jerk_of
 from jaxid.search.augmented_lagrangian import stages
 from jaxid.search.initial_guesses import grown, rearranged
 from jaxid.search.multistart import Effort, design
@@ -36,7 +36,7 @@ def test_any_function_of_a_motion_can_be_designed_for(key):
     found = design(objective, TASK, key, effort=PLAIN)
     reached = float(found.trajectory.states(jnp.array([0.15])).position[0])
     assert reached == pytest.approx(highest_at(15), rel=2e-4)
-    assert worst_excess(motor.limits(), motor.boundary(), found.trajectory) <= 0
+    assert worst_violation(motor.limits(), motor.boundary(), found.trajectory) <= 0
 
 
 def highest_at(knot: int) -> float:
@@ -58,7 +58,7 @@ def test_a_small_search_comes_near_the_best_known_within_the_limits(key):
     found = design_motion(system, TASK, "Fc", key, effort=SMALL)
     # seeds 0 to 2 came within 1.5 to 4.6 % of the best known, without dwells within 1.5 to 6.7 %
     assert planned_error(system, found.trajectory)[2] < 1.05 * 0.2108
-    assert worst_excess(TASK.limits, TASK.boundary, found.trajectory) <= 0
+    assert worst_violation(TASK.limits, TASK.boundary, found.trajectory) <= 0
     assert found.history[-1] <= found.history[0]
 
 
@@ -82,7 +82,7 @@ def test_gradients_are_those_of_finite_differences(norm, key):
     problem = Problem(PlannedError(motor.system(), norm, 2.0, 5), limits, boundary)
     offset, direction = jax.random.normal(key, (2, space.basis.shape[1]))
     inside = interior(limits, boundary, 60, T)
-    multipliers = jax.tree.map(lambda c: jnp.full(c.shape, 0.1), problem.excess(inside))
+    multipliers = jax.tree.map(lambda c: jnp.full(c.shape, 0.1), problem.violations(inside))
 
     @jax.jit
     def value(h, size):
@@ -92,7 +92,7 @@ def test_gradients_are_those_of_finite_differences(norm, key):
 
     for size, beyond in ((0.001, False), (1.0, True)):
         motion = space.trajectory(space.coordinates(inside.jerk) + size * offset)
-        assert (worst_excess(limits, boundary, motion) > 0) == beyond
+        assert (worst_violation(limits, boundary, motion) > 0) == beyond
         slope, steps = jax.jit(jax.grad(value))(0.0, size), 10.0 ** np.arange(-7.0, -3.0)
         errors = [abs((value(h, size) - value(-h, size)) / (2 * h) - slope) for h in steps]
         assert min(errors) <= 1e-7 * abs(slope)
@@ -202,7 +202,7 @@ def test_a_motion_of_dwells_holds_its_speeds_within_the_limits():
     space = motion_space(limits, motor.boundary(), 80, T, 100)
     speeds = jnp.array([0.1, 2.0, 2.0, -2.0, 0.5, -0.05, 0.0])
     shares = jnp.array([2.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0])
-    jerk = jerk_of(Dwells(speeds, shares), limits, space)
+    jerk = jerk_of(Arcs(speeds, shares), limits, space)
     states = JerkTrajectory(space.start, jerk, space.durations).knot_states()
     speed, acceleration = np.asarray(states.velocity), np.asarray(states.acceleration)
     held = [v for v, _ in itertools.groupby(speed[np.abs(acceleration) < 1e-9].round(9))]

@@ -7,15 +7,15 @@ import jax.numpy as jnp
 import pytest
 
 from experiments.axes import emps
-from jaxid.design.evaluation import appraise
-from jaxid.identification.falsification import explaining_factor
+from jaxid.design.evaluation import evaluate
+from jaxid.identification.falsification import smallest_disturbance_factor
 from jaxid.identification.intervals import identify_log
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.servo import Servo
 from jaxid.motion.acceleration_limit import acceleration_limit
 from jaxid.motion.limits import Boundary, Limits, through
-from jaxid.motion.violation import worst_excess
-from jaxid.regression.lower_bound import floor
+from jaxid.motion.violation import worst_violation
+from jaxid.regression.lower_bound import lower_bound
 
 RECORD = Path(os.environ.get("JAXID_EMPS", "DATA_EMPS.mat"))
 at_hand = pytest.mark.skipif(not RECORD.is_file(), reason="JAXID_EMPS names no record")
@@ -57,9 +57,9 @@ def test_the_intervals_in_the_table_are_those_of_the_record(recorded, table):
 def test_a_smaller_disturbance_than_the_data_need_is_refused(recorded):
     """The smallest δ of the first lap is between 5 and 12 N; a lap is not explained with 5 N."""
     log = emps.laps_of(recorded, emps.LAP)[0]
-    factor = explaining_factor(emps.system(5.0), [log])
+    factor = smallest_disturbance_factor(emps.system(5.0), [log])
     assert 1.0 < factor < 12.0 / 5.0
-    assert explaining_factor(emps.by_direction(5.0), [log]) < 0.9 * factor
+    assert smallest_disturbance_factor(emps.by_direction(5.0), [log]) < 0.9 * factor
 
 
 @at_hand
@@ -99,8 +99,8 @@ def test_the_designed_motion_keeps_its_limits_and_is_worth_what_is_said(figures,
     limits = Limits(acceleration=acceleration_limit(axis, **box), jerk=emps.JERK, **box)
     motion = read_trajectory(figures / "emps_trajectory.csv")
     ends = Boundary((0.0, 0.0, 0.0), (through((0.0, 0.0, 0.0), at=1.0),))
-    assert worst_excess(limits, ends, motion) <= 0
-    worth = appraise(axis, motion, Servo(emps.PERIOD, emps.RESOLUTION), floor(axis, limits))
+    assert worst_violation(limits, ends, motion) <= 0
+    worth = evaluate(axis, motion, Servo(emps.PERIOD, emps.RESOLUTION), lower_bound(axis, limits))
     for name, guaranteed, gap in zip(axis.names, worth.guaranteed, worth.gap, strict=True):
         assert said["designed", name] == pytest.approx(float(guaranteed), rel=1e-6)
         # of the offset neither is 1e-4 above the floor

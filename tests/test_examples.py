@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from experiments._support.examples import Example, logged
 from experiments.axes import cart, pendulum
-from jaxid.identification.falsification import explaining_factor
+from jaxid.identification.falsification import smallest_disturbance_factor
 from jaxid.identification.intervals import identify_log
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.disturbances import Moment
-from jaxid.motion.violation import worst_excess
+from jaxid.motion.violation import worst_violation
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
@@ -53,7 +53,7 @@ def test_what_is_printed_of_the_pendulum_is_that_of_the_motions_in_the_files(fig
     task = pendulum.task()
     for name in (pendulum.ALL, pendulum.ERROR, pendulum.COOL):
         motion = read_trajectory(figures / f"pendulum_{name}.csv", "rotary")
-        assert worst_excess(task.limits, task.boundary, motion) <= 0
+        assert worst_violation(task.limits, task.boundary, motion) <= 0
 
 
 def test_a_price_on_heat_buys_a_cool_motor_with_a_little_error(figures):
@@ -83,7 +83,7 @@ def test_known_cogging_makes_delta_and_all_intervals_smaller(figures, tmp_path):
     task = cart.task()
     for name in cart.DELTA:
         motion = read_trajectory(figures / f"cart_{name}.csv")
-        assert worst_excess(task.limits, task.boundary, motion) <= 0
+        assert worst_violation(task.limits, task.boundary, motion) <= 0
     assert cart.DELTA[cart.KNOWN] < cart.DELTA[cart.IN_DELTA] / 4
     readings = {
         (motion, model): [r for r in printed if (r["motion_for"], r["model"]) == (motion, model)]
@@ -111,7 +111,7 @@ def test_cogging_that_is_left_out_is_contradicted(figures):
     motion = read_trajectory(figures / f"cart_{cart.IN_DELTA}.csv")
     log = logged(cart.plant(), cart.controller(), cart.SERVO, motion)
     left_out = cart.in_delta(cart.REST)
-    assert explaining_factor(left_out, [log], cart.KNOTS) > 2
+    assert smallest_disturbance_factor(left_out, [log], cart.KNOTS) > 2
     with pytest.raises(ValueError, match="contradict each other around tick"):
         identify_log(left_out, log)
 

@@ -13,9 +13,9 @@ from jaxid.motion.inequalities import responses
 from jaxid.motion.limits import Boundary, Limits, through
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.trajectory import uniform
-from jaxid.motion.violation import worst_excess
+from jaxid.motion.violation import worst_violation
 from jaxid.search.problem import Problem
-from jaxid.search.restoration import walk
+from jaxid.search.restoration import restored
 
 T = motor.KNOT_PERIOD
 
@@ -66,7 +66,7 @@ def test_the_largest_reach_at_horizon_20_agrees_with_another_program():
 @pytest.mark.parametrize(("axis", "intervals"), [(motor, 44), (motor, 60), (arm, 50)])
 def test_the_interior_motion_is_strictly_inside_and_meets_the_ends(axis, intervals):
     trajectory = interior(axis.limits(), axis.boundary(), intervals, axis.KNOT_PERIOD)
-    assert worst_excess(axis.limits(), axis.boundary(), trajectory) < 0
+    assert worst_violation(axis.limits(), axis.boundary(), trajectory) < 0
     assert ends_missed(axis, trajectory) < 1e-12
 
 
@@ -97,18 +97,18 @@ def test_walking_back_always_ends_inside_all_limits(seed, size):
     space = motion_space(limits, boundary, 60, T)
     inside = interior(limits, boundary, 60, T)
     z = size * jax.random.normal(jax.random.key(seed), (space.basis.shape[1],))
-    found = walk(planned(limits, boundary), inside, space.trajectory(z))
-    assert worst_excess(limits, boundary, found) <= 0
+    found = restored(planned(limits, boundary), inside, space.trajectory(z))
+    assert worst_violation(limits, boundary, found) <= 0
     assert ends_missed(motor, found) < 1e-11
     # and it goes as far as it can: a little farther is outside
-    if worst_excess(limits, boundary, space.trajectory(z)) > 1e-6:
-        assert worst_excess(limits, boundary, found) > -1e-9
+    if worst_violation(limits, boundary, space.trajectory(z)) > 1e-6:
+        assert worst_violation(limits, boundary, found) > -1e-9
 
 
 def test_an_admissible_candidate_is_left_alone():
     limits, boundary = motor.limits(), motor.boundary()
     inside = interior(limits, boundary, 60, T)
-    found = walk(planned(limits, boundary), inside, inside)
+    found = restored(planned(limits, boundary), inside, inside)
     np.testing.assert_array_equal(found.jerk, inside.jerk)
 
 
@@ -151,7 +151,7 @@ def test_start_need_not_be_at_rest():
 
     boundary = eqx.tree_at(lambda b: b.start, motor.boundary(), jnp.array([0.05, 0.2, 1.0]))
     trajectory = interior(motor.limits(), boundary, 60, T)
-    assert worst_excess(motor.limits(), boundary, trajectory) < 0
+    assert worst_violation(motor.limits(), boundary, trajectory) < 0
     np.testing.assert_allclose(jnp.stack(trajectory.knot_states())[:, 0], [0.05, 0.2, 1.0])
     space = motion_space(motor.limits(), boundary, 60, T)
     end = jnp.stack(space.trajectory(jnp.ones(space.basis.shape[1])).knot_states())[:, -1]

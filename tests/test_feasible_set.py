@@ -13,12 +13,12 @@ from experiments.axes import linear_motor as motor
 from jaxid.identification.falsification import louder, smallest_factor
 from jaxid.identification.feasible_parameter_set import MOST, feasible_set, projection
 from jaxid.identification.intervals import identify_log
-from jaxid.identification.regression_rows import guaranteed, hats, unlogged
-from jaxid.identification.state_bounds import brackets
-from jaxid.identification.unidentifiable import blind
+from jaxid.identification.regression_rows import exact_rows, guaranteed_estimate, hats
+from jaxid.identification.state_bounds import state_bounds
+from jaxid.identification.unidentifiable import unidentifiable_directions
 from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.disturbances import NoDisturbance
-from jaxid.loop.log import ContradictionError
+from jaxid.loop.log import InconsistentLogError
 from jaxid.loop.record import Record, Rows
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Plant
@@ -72,7 +72,7 @@ def test_it_holds_the_truth_and_no_estimator_knows_more(part):
     size = np.asarray(SYSTEM.half_widths)
     for k, one in enumerate(jax.random.split(jax.random.key(part), 250)):
         theta, record, estimates = data_set(one)
-        logged = unlogged(SYSTEM, record)
+        logged = exact_rows(SYSTEM, record)
         found = feasible_set(logged, estimates)
         assert np.all(found.lower <= theta)
         assert np.all(theta <= found.upper)
@@ -92,11 +92,13 @@ def test_data_that_contradict_delta_are_found_out(key):
     """The smallest factor is the one that a linear program of its definition asks for."""
     _, record, _ = data_set(key)
     wrong = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(300.0))
-    with pytest.raises(ContradictionError, match=r"`logged`: no θ of the box can have") as refused:
-        feasible_set(unlogged(SYSTEM, wrong))
+    with pytest.raises(
+        InconsistentLogError, match=r"`logged`: no θ of the box can have"
+    ) as refused:
+        feasible_set(exact_rows(SYSTEM, wrong))
     # of a box that rests on δ no larger δ can be told
     assert not re.search(r"\d", str(refused.value))
-    factor = smallest_factor(lambda s: unlogged(SYSTEM, times(wrong, s)))
+    factor = smallest_factor(lambda s: exact_rows(SYSTEM, times(wrong, s)))
     phi, u = np.asarray(record.rows.regressors), np.asarray(wrong.input)
     delta = np.asarray(record.rows.delta)[:, None]
     solution = linprog(
@@ -108,15 +110,15 @@ def test_data_that_contradict_delta_are_found_out(key):
     )
     # proved: not above it, and at most a thousandth below
     assert solution.fun / 1.0011 <= factor <= solution.fun * (1 + 1e-7)
-    feasible_set(unlogged(SYSTEM, times(wrong, 1.0021 * factor)))
+    feasible_set(exact_rows(SYSTEM, times(wrong, 1.0021 * factor)))
     with pytest.raises(ValueError, match="no θ of the box"):
-        feasible_set(unlogged(SYSTEM, times(wrong, 0.998 * factor)))
+        feasible_set(exact_rows(SYSTEM, times(wrong, 0.998 * factor)))
     # with a δ that is just large enough nothing is contradicted
     enough = times(wrong, 1.0001 * solution.fun)
-    feasible_set(unlogged(SYSTEM, enough))
-    assert smallest_factor(lambda s: unlogged(SYSTEM, times(enough, s))) <= 1.0
+    feasible_set(exact_rows(SYSTEM, enough))
+    assert smallest_factor(lambda s: exact_rows(SYSTEM, times(enough, s))) <= 1.0
     broken = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(1e6))
-    assert smallest_factor(lambda s: unlogged(SYSTEM, times(broken, s))) == MOST
+    assert smallest_factor(lambda s: exact_rows(SYSTEM, times(broken, s))) == MOST
 
 
 def times(record, factor):
@@ -129,7 +131,7 @@ def test_what_the_data_cannot_tell_apart_is_named():
     speed = jnp.zeros(n).at[0].set(1.0)
     columns = (jnp.full(n, 2.0), 0.0 * speed, speed, jnp.ones(n))
     record = Record(Rows(columns, jnp.full(n, 0.05), jnp.ones(n)), jnp.full(n, 0.3), None)
-    found = blind(unlogged(SYSTEM, record))
+    found = unidentifiable_directions(exact_rows(SYSTEM, record))
     assert set(found) == {"M", "B"}
     size = SYSTEM.half_widths
     for name, combination in found.items():
@@ -137,7 +139,7 @@ def test_what_the_data_cannot_tell_apart_is_named():
         np.testing.assert_allclose(combination[index], size[index])
         assert np.all(np.abs(combination) <= size)
         assert np.all(np.abs(record.rows.regressors @ combination) <= 0.05 * (1 + 1e-9))
-    left = feasible_set(unlogged(SYSTEM, record))
+    left = feasible_set(exact_rows(SYSTEM, record))
     np.testing.assert_allclose((left.upper - left.lower)[1], 2 * size[1], rtol=1e-12)
     assert np.all((left.upper - left.lower)[2:] < 1.2 * size[2:])
     assert np.count_nonzero(found["B"]) == 1
@@ -158,7 +160,7 @@ def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
     found = identify_log(SYSTEM, log)
     rows = found.logged.record.rows
     others = [
-        guaranteed(found.logged, estimator(rows, SYSTEM.half_widths))
+        guaranteed_estimate(found.logged, estimator(rows, SYSTEM.half_widths))
         for estimator in ESTIMATORS.values()
     ]
     left = feasible_set(found.logged, [found.estimate, *others], knots=75)
@@ -177,7 +179,7 @@ def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
 
     def louder_rows(factor):
         system = louder(SYSTEM, factor)
-        return hats(system, log, brackets(system, log))
+        return hats(system, log, state_bounds(system, log))
 
     # the true plant disturbed itself by no more than this share
     assert smallest_factor(louder_rows, knots=75) <= share
@@ -191,7 +193,7 @@ def test_an_input_that_hides_a_force_is_falsified(motion):
     time = jnp.arange(log.input.size) * H
     pulled = eqx.tree_at(lambda x: x.input, log, log.input + 1.5 * jnp.sin(80.0 * time))
     with pytest.raises(ValueError, match=r"no θ of the box|contradict"):
-        feasible_set(hats(SYSTEM, pulled, brackets(SYSTEM, pulled)), knots=75)
+        feasible_set(hats(SYSTEM, pulled, state_bounds(SYSTEM, pulled)), knots=75)
 
 
 def test_a_solver_that_gives_up_leaves_the_box(experiment, monkeypatch):
@@ -199,7 +201,7 @@ def test_a_solver_that_gives_up_leaves_the_box(experiment, monkeypatch):
     from jaxid.identification import modulating_functions as modulating
 
     log, _ = experiment
-    rows = hats(SYSTEM, log, brackets(SYSTEM, log))
+    rows = hats(SYSTEM, log, state_bounds(SYSTEM, log))
     unsolved = OptimizeResult(x=None, status=4)
     monkeypatch.setattr(modulating, "linprog", lambda *arguments, **options: unsolved)
     left = feasible_set(rows, knots=75)
@@ -209,7 +211,7 @@ def test_a_solver_that_gives_up_leaves_the_box(experiment, monkeypatch):
 
 def test_rows_that_count_nothing_leave_the_box(experiment):
     log, _ = experiment
-    rows = hats(SYSTEM, log, brackets(SYSTEM, log))
+    rows = hats(SYSTEM, log, state_bounds(SYSTEM, log))
     nothing = eqx.tree_at(lambda r: r.record.rows.measure, rows, 0 * rows.record.rows.measure)
     left = feasible_set(nothing, knots=75)
     np.testing.assert_array_equal(left.lower, SYSTEM.lower)

@@ -13,14 +13,14 @@ from jaxid.io.files import read_trajectory
 from jaxid.loop.record import rows_of
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Custom, Viscous
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.minimax import minimax
 from jaxid.regression.worst_case import Norm
 
 
 @pytest.fixture(scope="module")
 def proofs():
-    return {axis: floor(axis.system(), axis.limits()) for axis in (motor, arm)}
+    return {axis: lower_bound(axis.system(), axis.limits()) for axis in (motor, arm)}
 
 
 @pytest.fixture(params=[motor, arm], ids=["motor", "arm"])
@@ -87,14 +87,14 @@ def test_no_design_of_the_study_is_below_it(proofs, figures, name):
 
 def test_where_the_prior_is_better_than_any_experiment_it_is_the_floor():
     system = eqx.tree_at(lambda s: s.terms[1].interval, motor.system(), jnp.array([0.2, 0.21]))
-    assert float(floor(system, motor.limits()).value[1]) == pytest.approx(0.005, rel=1e-8)
+    assert float(lower_bound(system, motor.limits()).value[1]) == pytest.approx(0.005, rel=1e-8)
 
 
 def test_the_floor_of_a_combination_is_no_more_than_that_of_its_parts(found):
     axis, proved = found
     c = np.zeros(len(axis.system().names))
     c[1:3] = 1.0, -0.5
-    both = floor(axis.system(), axis.limits(), Norm(jnp.asarray(c)[None]))
+    both = lower_bound(axis.system(), axis.limits(), Norm(jnp.asarray(c)[None]))
     assert float(both.value[0]) <= float(proved.above[1] + 0.5 * proved.above[2])
 
 
@@ -107,7 +107,7 @@ class Unknown(Viscous):
 
 def test_what_cannot_be_bounded_proves_nothing():
     system = eqx.tree_at(lambda s: s.terms[1].regressor, motor.system(), Unknown())
-    assert np.all(np.asarray(floor(system, motor.limits()).value) == 0)
+    assert np.all(np.asarray(lower_bound(system, motor.limits()).value) == 0)
 
 
 def test_a_users_own_function_is_as_good_as_ours_with_its_slopes_and_else_an_estimate(proofs):
@@ -122,7 +122,7 @@ def test_a_users_own_function_is_as_good_as_ours_with_its_slopes_and_else_an_est
     system, limits, ours = arm.system(), arm.limits(), proofs[arm]
     for slopes, marked, close in (((1.0, 0.0), (), 3e-5), (None, ("G",), 3e-3)):
         own = eqx.tree_at(lambda s: s.terms[3].regressor, system, Custom(gravity, slopes))
-        found = floor(own, limits)
+        found = lower_bound(own, limits)
         np.testing.assert_allclose(found.value, ours.value, rtol=close)
         assert found.estimated == marked
     assert ours.estimated == ()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.design.nominal_log import foreseen, foresight
+from jaxid.design.nominal_log import nominal_log, nominal_log_model
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import NoDisturbance
@@ -25,7 +25,7 @@ def motion(figures):
 
 def test_an_axis_that_follows_needs_the_input_of_the_middle_of_the_box(motion):
     """From the knots on by Taylor's formula, tick by tick."""
-    log = foreseen(motor.system(), motion, SERVO)
+    log = nominal_log(motor.system(), motion, SERVO)
     knots, theta = motion.knot_states(), np.asarray(motor.system().centre)
     for k in range(0, 3000, 97):
         i, into = divmod(k * SERVO.period, motor.KNOT_PERIOD)
@@ -45,7 +45,7 @@ def test_a_controlled_one_leaves_what_a_run_leaves(motion):
     system = motor.system()
     plant = Plant(system, system.centre, NoDisturbance())
     _, signals = run(plant, motor.controller(), IdealSensor(), motion, SERVO.period)
-    log = foreseen(system, motion, CONTROLLED)
+    log = nominal_log(system, motion, CONTROLLED)
     # compiled together with the rest of a log it differs in last bits, which a loop keeps small
     np.testing.assert_allclose(log.position, signals.position, atol=1e-12)
     np.testing.assert_allclose(log.input, signals.input, atol=1e-8)
@@ -63,7 +63,7 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo, tole
     or a turn of friction in between: 4e-9 and 3e-4 m/s² in 98 % of all ticks. A turn is a step of
     2·F_c/M, 3.8 m/s² in the middle of the box, of which the mean of both states takes half.
     """
-    log, states = foresight(motor.system(), motion, servo)(motion)
+    log, states = nominal_log_model(motor.system(), motion, servo)(motion)
     h = servo.period
     np.testing.assert_allclose(
         states.position, (log.position[1:] + log.position[:-1]) / 2, atol=1e-6
@@ -78,7 +78,7 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo, tole
 
 @pytest.mark.parametrize("servo", [SERVO, CONTROLLED], ids=["following", "controlled"])
 def test_its_slope_is_that_of_finite_differences(motion, servo, key):
-    closed = foresight(motor.system(), motion, servo)
+    closed = nominal_log_model(motor.system(), motion, servo)
 
     @eqx.filter_jit
     def position(jerk):
@@ -102,4 +102,4 @@ def test_a_servo_that_cannot_be_is_refused(motion):
         (SERVO._replace(velocity_error=float("inf")), "`velocity_error`"),
     ):
         with pytest.raises(ValueError, match=word):
-            foreseen(motor.system(), motion, wrong)
+            nominal_log(motor.system(), motion, wrong)

@@ -9,14 +9,14 @@ import pytest
 from experiments.axes import linear_motor as motor
 from jaxid.design import optimal_motion as motion_design
 from jaxid.design.guaranteed_criterion import GuaranteedError, expected_error
-from jaxid.design.nominal_log import foreseen
-from jaxid.design.nominal_log import foresight as of_servo
+from jaxid.design.nominal_log import nominal_log
+from jaxid.design.nominal_log import nominal_log_model as of_servo
 from jaxid.identification.intervals import identify_log, narrowed
 from jaxid.io.files import read_trajectory
 from jaxid.motion.task import Task
-from jaxid.motion.violation import worst_excess
+from jaxid.motion.violation import worst_violation
 from jaxid.search.problem import Problem
-from jaxid.search.restoration import inside
+from jaxid.search.restoration import interior_motion
 from jaxid.search.slp import polish
 
 FOLLOWING = motor.servo()
@@ -28,9 +28,9 @@ FLOOR = jnp.array([0.003375, 0.15842, 0.16690, 0.15])
 
 def made(start, servo, largest=True):
     system = motor.system()
-    narrow = narrowed(system, identify_log(system, foreseen(system, start, servo), 100).estimate)
-    foresight = of_servo(system, start, servo)
-    return GuaranteedError(system, narrow, foresight, FLOOR, 2.0, largest, 100)
+    narrow = narrowed(system, identify_log(system, nominal_log(system, start, servo), 100).estimate)
+    nominal_log_model = of_servo(system, start, servo)
+    return GuaranteedError(system, narrow, nominal_log_model, FLOOR, 2.0, largest, 100)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def objective(start):
 
 def expected(trajectory, servo=FOLLOWING):
     system = motor.system()
-    return identify_log(system, foreseen(system, trajectory, servo)).estimate.half_length
+    return identify_log(system, nominal_log(system, trajectory, servo)).estimate.half_length
 
 
 @pytest.mark.parametrize("servo", [FOLLOWING, CONTROLLED], ids=["following", "controlled"])
@@ -58,7 +58,7 @@ def test_its_errors_are_those_that_the_log_of_the_motion_would_prove(start, serv
 def test_without_smoothing_they_are_exactly_those(objective, start):
     """With the same knots; 3.4e-6 is left where several weights are best for the program."""
     system = motor.system()
-    proved = identify_log(system, foreseen(system, start, FOLLOWING), 100).estimate.bound
+    proved = identify_log(system, nominal_log(system, start, FOLLOWING), 100).estimate.bound
     np.testing.assert_allclose(objective.errors(start, jnp.zeros(())), proved, rtol=1e-5)
 
 
@@ -95,7 +95,7 @@ def test_its_slope_is_that_of_the_least_error(start, key, servo, largest):
 @pytest.mark.parametrize("servo", [FOLLOWING, CONTROLLED], ids=["following", "controlled"])
 def test_a_polish_for_it_improves_what_the_log_would_prove(start, servo):
     problem = Problem(made(start, servo), motor.limits(), motor.boundary())
-    found = polish(problem, inside(problem, 60, motor.KNOT_PERIOD), start, 10)
+    found = polish(problem, interior_motion(problem, 60, motor.KNOT_PERIOD), start, 10)
     assert problem.violation(found) <= 0
     before, after = (jnp.max(expected(motion, servo) / FLOOR) for motion in (start, found))
     assert float(after) < float(before) - 0.005  # 0.0130 after 120 programs
@@ -163,8 +163,8 @@ def test_a_start_outside_of_the_limits_is_walked_back(start):
     found = motion_design.design_guaranteed(
         motor.system(), TASK, FLOOR, wild, FOLLOWING, effort=QUICK._replace(smoothings=(1e-3,))
     )
-    assert float(worst_excess(TASK.limits, TASK.boundary, wild)) > 0.1
-    assert float(worst_excess(TASK.limits, TASK.boundary, found)) <= 0
+    assert float(worst_violation(TASK.limits, TASK.boundary, wild)) > 0.1
+    assert float(worst_violation(TASK.limits, TASK.boundary, found)) <= 0
 
 
 @pytest.mark.parametrize(

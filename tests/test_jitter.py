@@ -7,7 +7,7 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid.identification.intervals import assumptions, identify_log
-from jaxid.identification.state_bounds import brackets
+from jaxid.identification.state_bounds import state_bounds
 from jaxid.io.setpoints import sampled
 from jaxid.loop.log import Log
 from jaxid.loop.scenarios import random_parameters
@@ -79,7 +79,7 @@ def test_what_is_proved_of_a_log_with_jitter_is_true(motion, key, share, left):
     lengths = []
     for theta, read, input, times, speeds in zip(*experiments(key, motion, jitter), strict=True):
         log = log_of(read, input, jitter)
-        velocity = brackets(system, log).velocity
+        velocity = state_bounds(system, log).velocity
         tick = np.floor(times / H).astype(int) - 1
         inside = (tick >= 0) & (tick < log.input.size)
         low, high = (np.asarray(end)[tick[inside]] for end in velocity)

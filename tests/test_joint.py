@@ -12,10 +12,10 @@ from conftest import uniform_in_box
 from experiments.axes import linear_motor as motor
 from jaxid.identification.feasible_parameter_set import feasible_set
 from jaxid.identification.intervals import assumptions, identify_log, identify_logs
-from jaxid.identification.joined_rows import joined
+from jaxid.identification.joined_rows import join_rows
 from jaxid.identification.modulating_functions import Program, pieces
-from jaxid.identification.regression_rows import boxes, guaranteed, hats, unlogged
-from jaxid.identification.state_bounds import brackets
+from jaxid.identification.regression_rows import boxes, exact_rows, guaranteed_estimate, hats
+from jaxid.identification.state_bounds import state_bounds
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
@@ -46,18 +46,18 @@ def logs(figures):
 
 
 def rows(way, log):
-    return way(SYSTEM, log, brackets(SYSTEM, log))
+    return way(SYSTEM, log, state_bounds(SYSTEM, log))
 
 
 @pytest.mark.parametrize("way", [hats, boxes])
 def test_any_weights_mean_what_they_mean_log_by_log(way, logs, key):
     """Sums over the logs, in which those on the rows between them have no part."""
     parts = [rows(way, log) for log in logs]
-    together = joined(parts)
+    together = join_rows(parts)
     counts = [part.record.input.size for part in parts]
     weights = 1e-3 * jax.random.normal(key, (4, sum(counts) + 2))
     split = [weights[:, : counts[0]], weights[:, counts[0] + 2 :]]
-    found = guaranteed(together, weights)
+    found = guaranteed_estimate(together, weights)
     box = SYSTEM.half_widths
     mean, bound, taken = jnp.zeros(4), jnp.zeros(4), jnp.zeros((4, 4))
     for part, own in zip(parts, split, strict=True):
@@ -146,12 +146,12 @@ def test_logs_of_two_motors_contradict_each_other(figures, logs):
     for single in pair:
         feasible_set(single, knots=KNOTS)
     with pytest.raises(ValueError, match="no θ of the box can have left these data"):
-        feasible_set(joined(pair), knots=KNOTS)
+        feasible_set(join_rows(pair), knots=KNOTS)
 
 
 def test_each_log_has_its_own_number_of_weights(logs):
     """None: all rows; a number for all logs, or one for each."""
-    together = joined([rows(hats, log) for log in logs])
+    together = join_rows([rows(hats, log) for log in logs])
     runs = pieces(together.record.rows.measure)
     args = (np.ones((together.record.input.size, 4)), np.ones(together.record.input.size))
     noise, box = np.ones(together.record.input.size + 2), np.ones(4)
@@ -163,16 +163,16 @@ def test_each_log_has_its_own_number_of_weights(logs):
 
 def test_what_cannot_be_joined_is_refused(logs):
     with pytest.raises(ValueError, match="`parts` must have one log at least"):
-        joined([])
+        join_rows([])
     with pytest.raises(ValueError, match="`logs` must hold one log at least of two ticks"):
         identify_logs(SYSTEM, [])
     one, other = (rows(hats, log) for log in logs)
     narrow = eqx.tree_at(lambda s: s.terms[0].interval, SYSTEM, jnp.array([0.11, 0.13]))
     strange = eqx.tree_at(lambda x: x.system, other, narrow)
-    for wrong in (strange, rows(boxes, logs[1]), unlogged(SYSTEM, other.record)):
+    for wrong in (strange, rows(boxes, logs[1]), exact_rows(SYSTEM, other.record)):
         with pytest.raises(ValueError, match="rows of one kind, made with the same system"):
-            joined([one, wrong])
-    assert joined([one]) is one
+            join_rows([one, wrong])
+    assert join_rows([one]) is one
 
 
 def test_what_several_logs_rest_on_is_said_once(logs):

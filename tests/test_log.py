@@ -12,8 +12,8 @@ from experiments.axes import one_link_arm as arm
 from jaxid.identification.falsification import louder
 from jaxid.identification.intervals import assumptions, identify_log
 from jaxid.identification.modulating_functions import modulating
-from jaxid.identification.regression_rows import boxes, guaranteed, hats
-from jaxid.identification.state_bounds import brackets
+from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
+from jaxid.identification.state_bounds import state_bounds
 from jaxid.loop.closed_loop import log_of
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
@@ -77,7 +77,7 @@ def test_brackets_hold_at_every_instant(axis, resolution, period, key):
     for number, theta in enumerate(thetas):
         kind = kinds[number % len(kinds)]
         log, signals = experiment(axis, motion, theta, kind, resolution, period, n)
-        found = brackets(system, log)
+        found = state_bounds(system, log)
         rates = np.diff(signals.velocity) / (period / SUBSTEPS)
         steps = rates.reshape(n, SUBSTEPS)
         for name, (low, high), slack in (
@@ -96,7 +96,7 @@ def test_brackets_are_worth_having(motion):
     theta = jnp.asarray(motor.TRUE_PARAMETERS)
     log, _ = experiment(motor, motion, theta, motor.plant().disturbance, Q, H, ticks)
     found = identify_log(motor.system(), log, knots=75)
-    v = brackets(found.logged.system, log).velocity
+    v = state_bounds(found.logged.system, log).velocity
     assert np.median(v.upper - v.lower) / 2 < 3e-3
 
 
@@ -106,13 +106,13 @@ def test_a_log_that_nothing_can_have_left_is_refused(motion):
     log, _ = experiment(motor, motion, theta, NoDisturbance(), Q, H, ticks)
     jumped = eqx.tree_at(lambda x: x.position, log, log.position.at[700].add(1e-4))
     with pytest.raises(ValueError, match=r"`log`: no plant .* contradict each other around tick"):
-        brackets(motor.system(), jumped)
+        state_bounds(motor.system(), jumped)
     pushed = eqx.tree_at(lambda x: x.input, log, log.input + 0.9)
     with pytest.raises(ValueError, match=r"`log`: no .* in its prior interval can have left it"):
         identify_log(motor.system(), pushed, knots=75)
     slow = eqx.tree_at(lambda x: x.period, log, jnp.asarray(0.5))
     with pytest.raises(ValueError, match=r"`log`: its period of 0.5 s is too long"):
-        brackets(motor.system(), slow)
+        state_bounds(motor.system(), slow)
     for resolution in (-1e-7, float("nan")):  # with −1e-7 d̄ was bounded below its floor
         with pytest.raises(ValueError, match="`resolution` of a log must be at least zero and fin"):
             Log(log.input, log.position, H, resolution)
@@ -155,7 +155,7 @@ def exchanged(log, weights, system, signals, sign):
 def error_of(logged, weights, u, theta, k):
     """Of the estimate of parameter k, with other inputs but the same rows."""
     record = eqx.tree_at(lambda r: r.input, logged.record, rows_input(logged, u))
-    found = guaranteed(eqx.tree_at(lambda x: x.record, logged, record), weights)
+    found = guaranteed_estimate(eqx.tree_at(lambda x: x.record, logged, record), weights)
     return float(found.theta[k] - theta[k]), float(found.bound[k])
 
 
@@ -195,11 +195,11 @@ def test_without_its_quantisation_the_bound_would_be_wrong(quiet, k):
     spread = logged.channels["quantised ÿ"].stencil
     wrong = -jnp.sign(jnp.convolve(weights[k], spread))
     forced = exchanged(exact, tick_weights(logged, weights[k]), system, signals, 1.0)
-    rows = hats(logged.system, noisy(forced, wrong), brackets(system, noisy(exact, 0.0)))
-    found = guaranteed(rows, weights)
+    rows = hats(logged.system, noisy(forced, wrong), state_bounds(system, noisy(exact, 0.0)))
+    found = guaranteed_estimate(rows, weights)
     error = float(found.theta[k] - theta[k])
     assert 0.95 * float(found.bound[k]) < error <= float(found.bound[k])
-    assert error > float(guaranteed(without(rows, "quantised ÿ"), weights).bound[k])
+    assert error > float(guaranteed_estimate(without(rows, "quantised ÿ"), weights).bound[k])
 
 
 def test_without_its_lag_the_bound_of_the_papers_way_would_be_wrong(motion):
@@ -210,7 +210,7 @@ def test_without_its_lag_the_bound_of_the_papers_way_would_be_wrong(motion):
     law = PDFeedforward(system, plant.theta, 500.0, 20.0)
     _, signals = simulate(plant, law, IdealSensor(), desired, period, SUBSTEPS)
     log = Log(signals.input, signals.position[::SUBSTEPS], period, 0.0)
-    logged = boxes(system, log, brackets(system, log))
+    logged = boxes(system, log, state_bounds(system, log))
     weights = Filtered(LeastSquares(), 1000.0, period)(logged.record.rows, system.half_widths)
     on_ticks = tick_weights(logged, weights[1])
     errors = []
@@ -219,7 +219,7 @@ def test_without_its_lag_the_bound_of_the_papers_way_would_be_wrong(motion):
         error, bound = error_of(logged, weights, u, plant.theta, 1)
         errors.append(abs(error))
         assert errors[-1] <= bound
-    assert max(errors) > float(guaranteed(without(logged, "lag of ẏ"), weights).bound[1])
+    assert max(errors) > float(guaranteed_estimate(without(logged, "lag of ẏ"), weights).bound[1])
 
 
 def test_no_modulating_function_of_other_knots_or_filter_guarantees_more(quiet):
@@ -227,15 +227,15 @@ def test_no_modulating_function_of_other_knots_or_filter_guarantees_more(quiet):
     _, _, log = quiet
     system = motor.system()
     logged = identify_log(system, log).logged
-    best = guaranteed(logged, modulating(logged, system.half_widths)).bound
-    coarse = guaranteed(logged, modulating(logged, system.half_widths, knots=75)).bound
+    best = guaranteed_estimate(logged, modulating(logged, system.half_widths)).bound
+    coarse = guaranteed_estimate(logged, modulating(logged, system.half_widths, knots=75)).bound
     # 6e-5 by what its objective leaves out; an exact sensor asks for more knots than an encoder
     assert np.all(best <= 1.0002 * coarse)
     assert np.all(coarse <= 1.15 * best)
     for w in (300.0, 1000.0, 3000.0):
         second_order = Filtered(Filtered(LeastSquares(), w, H), w, H)
         weights = second_order(logged.record.rows, system.half_widths)
-        assert np.all(best <= guaranteed(logged, weights).bound)
+        assert np.all(best <= guaranteed_estimate(logged, weights).bound)
 
 
 def test_the_program_finds_what_a_bare_one_finds(quiet):
@@ -243,9 +243,9 @@ def test_the_program_finds_what_a_bare_one_finds(quiet):
     _, _, log = quiet
     short = Log(log.input[:120], log.position[:121], H, Q)
     system = motor.system()
-    logged = hats(system, short, brackets(system, short))
+    logged = hats(system, short, state_bounds(system, short))
     weights = modulating(logged, system.half_widths, knots=10_000)
-    found = guaranteed(logged, weights).bound
+    found = guaranteed_estimate(logged, weights).bound
     for k, bound in enumerate(bare(logged, system.half_widths)):
         # the bare one also sees the channels of ẏ, which the other leaves out of its objective
         assert bound <= float(found[k]) <= bound * 1.001
@@ -280,7 +280,7 @@ def test_every_viscous_term_has_an_error_of_its_own(quiet):
     log = noisy(log, 0.0)
     system = motor.system()
     twice = eqx.tree_at(lambda s: s.terms[3].regressor, system, Viscous())
-    found = brackets(system, log)
+    found = state_bounds(system, log)
     weights = modulating(hats(system, log, found), system.half_widths)[:1]
     for rows in (hats, boxes):
         one, both = (rows(s, log, found).shared(weights) for s in (system, twice))
@@ -296,7 +296,7 @@ def test_rounding_far_from_zero_is_part_of_the_bound(quiet):
     """An exact sensor 1000 m away: what doubles lose there, second differences make 3 m/s² of."""
     _, _, log = quiet
     far = eqx.tree_at(lambda x: x.position, log, log.position + 1000.0)
-    one, other = (hats(motor.system(), x, brackets(motor.system(), x)) for x in (log, far))
+    one, other = (hats(motor.system(), x, state_bounds(motor.system(), x)) for x in (log, far))
     wrong = np.abs(one.record.rows.columns[0] - other.record.rows.columns[0])
     most = float(motor.system().upper[0])
     # each of a row's three readings, with its coefficient of 1, -2, 1
@@ -326,7 +326,7 @@ def test_ticks_that_only_fill_the_arrays_up_change_nothing(quiet):
     one, other = (identify_log(system, x) for x in (log, filled(log, log.input.size + 700)))
     np.testing.assert_allclose(one.estimate.bound, other.estimate.bound, rtol=1e-12)
     np.testing.assert_allclose(one.estimate.theta, other.estimate.theta, rtol=1e-11)
-    ranges = (brackets(system, x)[:3] for x in (log, filled(log, 4000)))
+    ranges = (state_bounds(system, x)[:3] for x in (log, filled(log, 4000)))
     for own, longer in zip(*map(jax.tree.leaves, ranges), strict=True):
         np.testing.assert_allclose(own, longer[: own.size], rtol=1e-12, atol=1e-12)
 
@@ -361,6 +361,6 @@ def test_without_its_sampling_terms_the_bound_would_be_wrong(term, motion):
     logged = identify_log(system, log).logged
     bare = stripped(logged, delta, term)
     weights = modulating(bare, system.half_widths)
-    wrong, right = guaranteed(bare, weights), guaranteed(logged, weights)
+    wrong, right = guaranteed_estimate(bare, weights), guaranteed_estimate(logged, weights)
     assert np.max(jnp.abs(wrong.theta - theta) / wrong.bound) > 1.2
     assert np.all(jnp.abs(right.theta - theta) <= right.bound)

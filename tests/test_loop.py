@@ -8,7 +8,7 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid.design.criteria import FilteredError, PerfectTracking, ThroughLoop, planned_error
-from jaxid.loop.closed_loop import Loop, Sampled
+from jaxid.loop.closed_loop import Loop, SampledPlants
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.scenarios import Scenarios, every, random_parameters, vertices
 from jaxid.loop.sensors import IdealSensor
@@ -16,7 +16,7 @@ from jaxid.loop.simulate import Plant
 from jaxid.motion.feasibility import interior
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.trajectory import uniform
-from jaxid.motion.violation import axis_excess
+from jaxid.motion.violation import axis_violations
 from jaxid.regression.filtered_least_squares import identify
 from jaxid.regression.worst_case import Norm
 from jaxid.search.problem import Problem
@@ -111,14 +111,14 @@ def test_slopes_of_the_limits_of_the_axis_are_those_of_finite_differences(space,
         vertices(motor.system())[jnp.array([3, 12])],
         [motor.plant().disturbance],
     )
-    axis = Sampled(ideal_loop(), scenarios)
+    axis = SampledPlants(ideal_loop(), scenarios)
     problem = Problem(lambda trajectory, smoothing: 0.0, limits, motor.boundary(), axis)
     offset, direction = jax.random.normal(jax.random.key(1), (2, middle.size))
 
     @jax.jit
     def value(h):
         motion = space.trajectory(middle + 3.0 * offset + h * direction)
-        excesses = problem.excess(motion)
+        excesses = problem.violations(motion)
         return jnp.stack([jnp.sum(jnp.maximum(c, 0.0) ** 2) for c in excesses])[-4:]
 
     assert jnp.all(value(0.0) > 0)
@@ -139,11 +139,13 @@ def test_no_nan_at_any_kink(smoothing):
     corners, kinds = vertices(motor.system())[:2], [NoDisturbance(), AgainstTracking(200.0)]
     scenarios = every(motor.system(), corners, kinds)
     objective = ThroughLoop(ideal_loop(), scenarios, error_of(0), SPEED, BLEND)
-    problem = Problem(objective, motor.limits(), motor.boundary(), Sampled(ideal_loop(), scenarios))
+    problem = Problem(
+        objective, motor.limits(), motor.boundary(), SampledPlants(ideal_loop(), scenarios)
+    )
 
     def value(jerk):
         moved = eqx.tree_at(lambda t: t.jerk, motion, jerk)
-        multipliers = jax.tree.map(jnp.ones_like, problem.excess(moved))
+        multipliers = jax.tree.map(jnp.ones_like, problem.violations(moved))
         return problem.lagrangian(moved, multipliers, jnp.asarray(1.0), jnp.asarray(smoothing))
 
     found, gradient = jax.jit(jax.value_and_grad(value))(motion.jerk)
@@ -227,7 +229,7 @@ def test_the_envelope_is_what_the_plants_do_one_by_one(motion):
     thetas = random_parameters(jax.random.key(3), system, 3)
     kinds = [AgainstTracking(200.0), NoDisturbance()]
     loop = Loop(motor.controller(), IdealSensor(), H, TICKS, 2, substeps=2)
-    found = Sampled(loop, every(system, thetas, kinds))(motion)
+    found = SampledPlants(loop, every(system, thetas, kinds))(motion)
     runs = []
     for theta in thetas:
         for disturbance in kinds:
@@ -242,16 +244,16 @@ def test_the_envelope_is_what_the_plants_do_one_by_one(motion):
 
 
 def test_excess_of_the_axis_counts_every_side(motion):
-    found = Sampled(ideal_loop(), one_plant())(motion)
+    found = SampledPlants(ideal_loop(), one_plant())(motion)
     limits = motor.limits()
-    position, velocity, input, rate = axis_excess(limits, found)
+    position, velocity, input, rate = axis_violations(limits, found)
     assert jnp.max(velocity) > 0  # the motion touches its limit, so the axis leaves it
     assert jnp.max(velocity) == pytest.approx(float(jnp.max(jnp.abs(found.velocity.upper)) / 2 - 1))
     assert jnp.max(position) < 0
     assert jnp.max(input) < 0
     assert jnp.max(rate) < 0
     loose = eqx.tree_at(lambda x: x.input_rate, limits, None)
-    assert len(axis_excess(loose, found)) == 3
+    assert len(axis_violations(loose, found)) == 3
 
 
 def test_random_parameters_do_not_depend_on_their_number(key):

@@ -9,7 +9,7 @@ import pytest
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.design.criteria import FilteredError, PlannedError, ThroughLoop
-from jaxid.loop.closed_loop import Loop, Sampled
+from jaxid.loop.closed_loop import Loop, SampledPlants
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.scenarios import every, vertices
 from jaxid.loop.sensors import IdealSensor
@@ -18,12 +18,12 @@ from jaxid.motion.feasibility import interior
 from jaxid.motion.inequalities import inequalities
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import States
-from jaxid.motion.violation import Prediction, axis_excess
+from jaxid.motion.violation import Prediction, axis_violations
 from jaxid.regression.worst_case import individual
-from jaxid.search.frozen_loop import Frozen, axis_conditions, frozen, perfect
+from jaxid.search.frozen_loop import FrozenLoop, axis_conditions, fixed_margins, freeze
 from jaxid.search.local import Effort, refine
 from jaxid.search.problem import Problem
-from jaxid.search.restoration import inside, stepped_back, walk
+from jaxid.search.restoration import interior_motion, restored, stepped_back
 from jaxid.search.slp import polish, repaired
 
 H, T, TICKS = motor.CONTROL_PERIOD, motor.KNOT_PERIOD, 3000
@@ -47,7 +47,7 @@ def through_the_loop(limits, bandwidth=50.0) -> Problem:
         ThroughLoop(loop(), centre(), criterion, 2.0, 0.005),
         limits,
         motor.boundary(),
-        Sampled(loop(), corners),
+        SampledPlants(loop(), corners),
     )
 
 
@@ -81,7 +81,9 @@ def test_a_refined_motion_is_better_and_the_axis_keeps_its_limits(problem, motio
     # said again by a loop of its own
     for theta in vertices(motor.system())[jnp.array([8, 15])]:
         scenarios = every(motor.system(), theta[None], [NoDisturbance()])
-        for side in axis_excess(motor.limits(), Sampled(loop(), scenarios)(found.trajectory)):
+        for side in axis_violations(
+            motor.limits(), SampledPlants(loop(), scenarios)(found.trajectory)
+        ):
             assert jnp.max(side) <= 1e-9
     assert float(problem.objective(found.trajectory, jnp.zeros(()))) == pytest.approx(found.value)
 
@@ -103,7 +105,7 @@ def test_an_axis_that_cannot_keep_its_limits_is_refused(motion):
 
 def test_repair_costs_less_than_stepping_back(problem, motion):
     """Near the limits by far; from far away linearised conditions lose, and it steps back."""
-    deep = inside(problem, 60, T)
+    deep = interior_motion(problem, 60, T)
     for far, gain in ((motion, 0.004), (beyond(deep, motion), 0.0)):
         by_programs, back = repaired(problem, deep, far), stepped_back(problem, deep, far)
         assert problem.violation(by_programs) <= 0
@@ -115,7 +117,7 @@ def test_repair_costs_less_than_stepping_back(problem, motion):
 
 def test_stepping_back_ends_next_to_the_limits(problem, motion):
     """Within 2 % of the room that there is; from far away the way has more corners."""
-    deep = inside(problem, 60, T)
+    deep = interior_motion(problem, 60, T)
     for far, share in ((motion, 0.02), (beyond(deep, motion), 0.2)):
         back = stepped_back(problem, deep, far)
         assert share * problem.violation(deep) < problem.violation(back) <= 0
@@ -124,7 +126,7 @@ def test_stepping_back_ends_next_to_the_limits(problem, motion):
 class Erratic(Prediction):
     """Follows but for a noise that is another one for a jerk that differs in its last bit."""
 
-    follows: Frozen
+    follows: FrozenLoop
 
     @property
     def system(self):
@@ -139,7 +141,7 @@ class Erratic(Prediction):
 
 @pytest.mark.parametrize("steps", [3, 4, 5, 8])
 def test_limits_hold_for_the_very_motion_that_is_returned(motion, steps):
-    follows = perfect(motor.system(), 600, (0.0, 0.0, 0.0, 0.0))
+    follows = fixed_margins(motor.system(), 600, (0.0, 0.0, 0.0, 0.0))
     objective = PlannedError(motor.system(), individual(0, 4), 2.0, 8)
     problem = Problem(objective, by_input(), motor.boundary(), Erratic(follows))
     found = refine(problem, motion, Effort(rounds=0, polish_steps=steps))
@@ -148,12 +150,14 @@ def test_limits_hold_for_the_very_motion_that_is_returned(motion, steps):
 
 
 def test_stepping_back_needs_a_motion_that_keeps_the_limits(problem, motion):
-    with pytest.raises(ValueError, match="`inside` must keep all limits, but leaves them by"):
+    with pytest.raises(
+        ValueError, match="`interior_motion` must keep all limits, but leaves them by"
+    ):
         stepped_back(problem, motion, motion)
 
 
 def test_what_the_axis_adds_is_exact_where_it_was_frozen(problem, motion):
-    axis = frozen(problem.axis, problem.limits, motion)
+    axis = freeze(problem.axis, problem.limits, motion)
     for one, other in zip(axis(motion), problem.axis(motion), strict=True):
         np.testing.assert_allclose(one.lower, other.lower, atol=1e-9)
         np.testing.assert_allclose(one.upper, other.upper, atol=1e-9)
@@ -163,14 +167,14 @@ def test_linearised_conditions_foresee_what_a_small_change_does(problem, motion)
     """Of the worst of each group of ticks, to a few per cent of the change (0.1 m/s³ here)."""
     limits = problem.limits
     planned = inequalities(limits, problem.boundary, 60, T)
-    conditions = axis_conditions(planned, limits, frozen(problem.axis, limits, motion), motion)
+    conditions = axis_conditions(planned, limits, freeze(problem.axis, limits, motion), motion)
     added = slice(len(planned.upper), None)
     rng = np.random.default_rng(0)
     change = 1e-4 * rng.normal(size=60)
     moved = eqx.tree_at(lambda t: t.jerk, motion, motion.jerk + change * planned.unit)
 
     def room(trajectory):
-        sides = axis_excess(limits, problem.axis(trajectory))
+        sides = axis_violations(limits, problem.axis(trajectory))
         return -np.concatenate(
             [np.append(s, [-np.inf] * (-TICKS % 13)).reshape(-1, 13).max(axis=1) for s in sides]
         )
@@ -186,11 +190,11 @@ def test_linearised_conditions_foresee_what_a_small_change_does(problem, motion)
 
 def test_a_polish_keeps_the_limits_of_a_perfect_axis(motion):
     """The input limit itself instead of (18): more acceleration, and a smaller J."""
-    axis = perfect(motor.system(), 600, (0.0, 0.0, 0.0, 0.0))
+    axis = fixed_margins(motor.system(), 600, (0.0, 0.0, 0.0, 0.0))
     objective = PlannedError(motor.system(), individual(0, 4), 2.0, 8)
     problem = Problem(objective, by_input(), motor.boundary(), axis)
-    deep = inside(problem, 60, T)
-    start = walk(problem, deep, motion)
+    deep = interior_motion(problem, 60, T)
+    start = restored(problem, deep, motion)
     found = polish(problem, deep, start, 15)
     assert problem.violation(found) <= 0
     before, after = (objective(t, jnp.zeros(())) for t in (start, found))
@@ -234,7 +238,7 @@ def test_the_reach_of_the_motor_is_that_of_its_docstring():
 
 
 def test_inside_is_inside_for_the_axis_too(problem):
-    deep = inside(problem, 60, T)
+    deep = interior_motion(problem, 60, T)
     assert problem.violation(deep) < 0
     plain = interior(motor.limits(), motor.boundary(), 60, T)
     np.testing.assert_array_equal(deep.jerk, plain.jerk)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jaxid.io.log_file import Recorded
-from jaxid.io.segments import rows_used, steady
+from jaxid.io.segments import rows_used, steady_segments
 
 H, Q = 0.001, 1e-6
 
@@ -58,7 +58,7 @@ def test_every_piece_is_steady(seed, share, events, delay, longest):
     missing = random.integers(0, n, events)
     log.position[missing[: events // 2]] = np.nan
     log.input[missing[events // 2 :]] = np.nan
-    pieces = steady(log, H, Q, delay, longest)
+    pieces = steady_segments(log, H, Q, delay, longest)
     check(log, pieces, time, delay)
     assert longest is None or max(p.last - p.first + 1 for p in pieces) <= longest
     assert all(np.isfinite(log.position[p.first : p.last + 1]).all() for p in pieces)
@@ -70,11 +70,11 @@ def test_a_clock_without_jitter_has_none_and_its_log_is_whole():
     """Stamps of any start, with a period that is 1 % off the servo's: rounding is no jitter."""
     for period, start in ((H, 0.0), (1.005 * H, 1234.5), (0.0002, 7.0)):
         time = start + period * np.arange(5000)
-        (piece,) = steady(recorded(time), round(period, 4), Q)
+        (piece,) = steady_segments(recorded(time), round(period, 4), Q)
         assert (piece.first, piece.last, piece.log.outer) == (0, 4999, None)
         assert float(piece.log.jitter) == 0.0
         assert float(piece.log.period) == pytest.approx(period, rel=1e-12)
-    (piece,) = steady(Recorded(None, *recorded(time)[1:]), 0.0002, Q)
+    (piece,) = steady_segments(Recorded(None, *recorded(time)[1:]), 0.0002, Q)
     assert float(piece.log.jitter) == 0.0
 
 
@@ -82,7 +82,7 @@ def test_a_clock_that_has_run_since_an_epoch_is_read_to_its_last_digit():
     """Stamps of 1.7e9 s are multiples of 0.24 µs: where the true instants are, the log says."""
     n, period = 8192, 0.0002
     true = period * np.arange(n)
-    (piece,) = steady(recorded(1.7e9 + true), period, Q)
+    (piece,) = steady_segments(recorded(1.7e9 + true), period, Q)
     assert rows_used([piece]) == n
     log = piece.log
     assert 0 < float(log.jitter) < 2.4e-7
@@ -96,7 +96,7 @@ def test_what_coarse_stamps_may_hide_counts_as_jitter(seed):
     """Instants up to 1.1e-7 s off equal steps, all of which stamps since an epoch round away."""
     n, period = 400, 2.0**-12
     off = np.random.default_rng(seed).uniform(-1.1e-7, 1.1e-7, n)
-    (piece,) = steady(recorded(2.0**30 + 2.0**29 + period * np.arange(n) + off), period, Q)
+    (piece,) = steady_segments(recorded(2.0**30 + 2.0**29 + period * np.arange(n) + off), period, Q)
     log = piece.log
     read = float(log.period) * (np.arange(n) - (n - 1) / 2)
     true = period * (np.arange(n) - (n - 1) / 2) + off
@@ -108,7 +108,7 @@ def test_pieces_of_many_lengths_have_few_shapes():
     log = recorded(time)
     cuts = np.unique(np.random.default_rng(1).integers(0, 6000, 40))
     log.input[cuts] = np.nan
-    pieces = steady(log, H, Q)
+    pieces = steady_segments(log, H, Q)
     check(log, pieces, time)
     assert len({p.last - p.first for p in pieces}) > 20
     assert len({p.log.input.size for p in pieces}) <= 6
@@ -118,7 +118,7 @@ def test_a_clock_that_drifts_is_cut_where_it_must_be():
     """A period that changes by 2 % on the way: pieces, each of them nearly straight."""
     time = np.append(0.0, np.cumsum(np.linspace(0.995, 1.005, 4000) * H))
     log = recorded(time)
-    pieces = steady(log, H, Q)
+    pieces = steady_segments(log, H, Q)
     check(log, pieces, time)
     assert 4 <= len(pieces) <= 64
     assert rows_used(pieces) > 3900
@@ -126,10 +126,10 @@ def test_a_clock_that_drifts_is_cut_where_it_must_be():
 
 def test_what_no_servo_of_this_period_can_have_left_is_refused():
     with pytest.raises(ValueError, match=r"no 5 rows on end that are 0\.001 s"):
-        steady(recorded(np.cumsum(np.tile([1.0, 1.0, 1.0, 0.5, 1.5], 60) * H)), H, Q)
+        steady_segments(recorded(np.cumsum(np.tile([1.0, 1.0, 1.0, 0.5, 1.5], 60) * H)), H, Q)
     with pytest.raises(ValueError, match=r"1 s apart, but .* 0.001 s.*unit of time right\?"):
-        steady(recorded(np.arange(100.0)), H, Q)
+        steady_segments(recorded(np.arange(100.0)), H, Q)
     with pytest.raises(ValueError, match=r"0.002 s apart, but .*from row to row\.$"):
-        steady(recorded(2 * H * np.arange(100)), H, Q)
+        steady_segments(recorded(2 * H * np.arange(100)), H, Q)
     with pytest.raises(ValueError, match="no two rows one after the other"):
-        steady(recorded(np.zeros(100)), H, Q)
+        steady_segments(recorded(np.zeros(100)), H, Q)

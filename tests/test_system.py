@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.design.optimal_motion import design_motion
-from jaxid.model.disturbance_bound import Cautious, ConstantBound, Scaled, SpeedBand
+from jaxid.model.disturbance_bound import ConstantBound, NearbyVelocityBound, ScaledBound, SpeedBand
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Constant, Viscous
-from jaxid.model.system import System, Term, softened
+from jaxid.model.system import System, Term, smoothed
 from jaxid.motion.acceleration_limit import acceleration_limit, acceleration_limit_euclidean
 from jaxid.motion.limits import Limits, Via
 from jaxid.motion.task import Task
@@ -46,7 +46,7 @@ def test_delta_is_33():
 
 def test_softening_tends_to_the_exact_system():
     y, v = jnp.zeros(400), jnp.linspace(-2.0, 2.0, 400)
-    exact, soft = motor.system(), softened(motor.system(), jnp.asarray(1e-5))
+    exact, soft = motor.system(), smoothed(motor.system(), jnp.asarray(1e-5))
     np.testing.assert_allclose(
         soft.disturbance_bound(y, v), exact.disturbance_bound(y, v), atol=1e-6
     )
@@ -89,7 +89,7 @@ STEP = SpeedBand(0.25, 0.15, 0.1)
         ("level", ConstantBound),
         ("slow", lambda x: SpeedBand(x, 0.2, 0.1)),
         ("fast", lambda x: SpeedBand(0.2, x, 0.1)),
-        ("factor", lambda x: Scaled(STEP, x)),
+        ("factor", lambda x: ScaledBound(STEP, x)),
     ],
 )
 def test_a_delta_that_is_not_positive_is_refused(name, made, level):
@@ -103,8 +103,8 @@ def test_a_delta_that_is_not_positive_is_refused(name, made, level):
     [
         ("threshold", lambda x: SpeedBand(0.25, 0.15, x)),
         ("blend", lambda x: SpeedBand(0.25, 0.15, 0.1, x)),
-        ("blend", lambda x: STEP.softened(jnp.array([0.0, x]))),
-        ("reach", lambda x: Cautious(STEP, x)),
+        ("blend", lambda x: STEP.smoothed(jnp.array([0.0, x]))),
+        ("reach", lambda x: NearbyVelocityBound(STEP, x)),
     ],
 )
 def test_a_delta_whose_speeds_would_make_it_too_small_is_refused(name, made, speed):
@@ -161,7 +161,7 @@ def test_a_cautious_bound_is_the_largest_within_reach(velocity, reach):
     near = np.append(velocity + np.linspace(-reach, reach, 101), [-0.1, 0.1])
     near = near[np.abs(near - velocity) <= reach]
     expected = np.max(bound(jnp.zeros_like(near), jnp.asarray(near)))
-    cautious, still = Cautious(bound, reach), jnp.zeros(())
+    cautious, still = NearbyVelocityBound(bound, reach), jnp.zeros(())
     assert float(cautious(still, jnp.asarray(velocity))) == expected
     wide = cautious.range(Range(still, still), Range(jnp.asarray(velocity), jnp.asarray(velocity)))
     assert float(wide.upper) == expected

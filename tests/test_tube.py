@@ -9,12 +9,12 @@ import pytest
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.io.files import read_trajectory
-from jaxid.loop.closed_loop import Loop, Sampled
+from jaxid.loop.closed_loop import Loop, SampledPlants
 from jaxid.loop.controllers import ARC
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares, square_wave
 from jaxid.loop.scenarios import every, random_parameters, vertices
 from jaxid.loop.sensors import Encoder, IdealSensor
-from jaxid.loop.tube import Tube, _peak, cells
+from jaxid.loop.tube import Tube, _peak, parameter_cells
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.interval_arithmetic import Range
 from jaxid.motion.acceleration_limit import acceleration_reach
@@ -32,7 +32,7 @@ def motor_law(**changes) -> ARC:
 
 
 def tube_of(motion, law, sensor, parts=(8, 4, 4, 4), period=motor.CONTROL_PERIOD, ticks=3000):
-    return Tube(law, sensor, cells(law.system, parts), period, ticks, REPEATS)(motion)
+    return Tube(law, sensor, parameter_cells(law.system, parts), period, ticks, REPEATS)(motion)
 
 
 def seen(motion, law, sensor, own, period=motor.CONTROL_PERIOD, ticks=3000):
@@ -49,7 +49,7 @@ def seen(motion, law, sensor, own, period=motor.CONTROL_PERIOD, ticks=3000):
     inner = random_parameters(jax.random.key(1), law.system, 16)
     thetas = jnp.concatenate([vertices(law.system), inner])
     loop = Loop(law, sensor, period, ticks, REPEATS, substeps=4)
-    return Sampled(loop, every(law.system, thetas, kinds))(motion)
+    return SampledPlants(loop, every(law.system, thetas, kinds))(motion)
 
 
 def share(seen: Range, tube: Range) -> float:
@@ -115,7 +115,7 @@ def test_a_tube_that_forgets_something_is_left(motion, own, encoder, without, wo
     forgetful, exact = law, encoder
     if without == "encoder":
         sensor, exact = Encoder(2e-5), IdealSensor()
-    box = cells(law.system, (8, 4, 4, 4))
+    box = parameter_cells(law.system, (8, 4, 4, 4))
     if without == "disturbance":
         forgetful = eqx.tree_at(lambda c: c.system.disturbance_bound, law, replace_fn=_without)
     if without == "mass":
@@ -178,7 +178,7 @@ def test_the_motions_that_are_called_proved_are(figures, name, encoder):
     box = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}
     reach = acceleration_reach(motor.system(), **box)
     limits = Limits(acceleration=reach, jerk=(-1000.0, 1000.0), **box)
-    parts = cells(motor.system(), (8, 4, 4, 4))
+    parts = parameter_cells(motor.system(), (8, 4, 4, 4))
     tube = Tube(motor.provable_controller(), encoder, parts, motor.CONTROL_PERIOD, 3000, 3)
     problem = Problem(lambda trajectory, smoothing: 0.0, limits, motor.boundary(), tube)
     assert problem.violation(read_trajectory(figures / f"robust_proved_{name}_N30.csv")) <= 0
@@ -193,7 +193,7 @@ def test_gains_too_high_for_the_period_have_no_tube(motion, encoder):
 
 def test_cells_cover_the_box():
     system = arm.system()
-    found = cells(system, (3, 2, 1, 2, 1))
+    found = parameter_cells(system, (3, 2, 1, 2, 1))
     assert found.lower.shape == (12, 5)
     np.testing.assert_allclose(found.lower.min(axis=0), system.lower)
     np.testing.assert_allclose(found.upper.max(axis=0), system.upper)

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 
-from jaxid.design.evaluation import Appraisal
+from jaxid.design.evaluation import Evaluation
 from jaxid.io.files import Cell
 
 Row = dict[str, Cell]
 WORTH = ("J_lse", "guaranteed", "floor", "gap")  # columns
 
 
-def rows_of(worth: Mapping[str, Appraisal], label: str, names: tuple[str, ...]) -> list[Row]:
+def rows_of(worth: Mapping[str, Evaluation], label: str, names: tuple[str, ...]) -> list[Row]:
     """Errors, floor, and gap = guaranteed/floor − 1.
 
     Args:

@@ -16,7 +16,7 @@ from experiments.axes import linear_motor as motor
 from experiments.paper.designs import Cell
 from experiments.paper.runs import PERIODS
 from jaxid.design.criteria import FilteredError, PerfectTracking, PlannedError, ThroughLoop
-from jaxid.loop.closed_loop import Loop, Sampled, excesses
+from jaxid.loop.closed_loop import Loop, SampledPlants, plant_violations
 from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import Encoder, IdealSensor, Sensor
 from jaxid.motion.limits import shrunk
@@ -116,13 +116,15 @@ class Case:
         """
         return Problem(objective, shrunk(self.setting.limits(), room), motor.boundary(), axis)
 
-    def axis(self, sensor: Sensor) -> Sampled:
+    def axis(self, sensor: Sensor) -> SampledPlants:
         """What the plants do."""
-        return Sampled(self.loop(sensor), self.plants)
+        return SampledPlants(self.loop(sensor), self.plants)
 
     def beyond(self, sensor: Sensor, motion: JerkTrajectory) -> Array:
         """Half-widths by which each plant leaves its position, velocity and input limits."""
-        return excesses(self.loop(sensor), self.plants, self.setting.limits(), motion)[:, :3]
+        return plant_violations(self.loop(sensor), self.plants, self.setting.limits(), motion)[
+            :, :3
+        ]
 
 
 class Worth(NamedTuple):

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from jaxid._checks import require
 from jaxid._types import Scalar
 from jaxid.loop.record import rows_of
-from jaxid.model.system import System, softened
+from jaxid.model.system import System, smoothed
 from jaxid.motion.trajectory import JerkTrajectory
 
 
@@ -40,7 +40,7 @@ class Information(eqx.Module):
         """Jumps are also spread over the speed that changes from node to node."""
         states, weights = trajectory.midpoints(self.nodes)
         step = jnp.abs(states.acceleration) * weights / 2
-        rows = rows_of(softened(self.system, smoothing * self.speed + step), states, weights)
+        rows = rows_of(smoothed(self.system, smoothing * self.speed + step), states, weights)
         return self._size(self._information(rows.regressors / rows.delta[:, None], rows.measure))
 
     def _information(

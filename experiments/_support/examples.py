@@ -11,7 +11,7 @@ from experiments._support.appraisals import Row
 from experiments._support.toys import Toys
 from experiments.paper.designs import TOY, with_starts
 from jaxid.design.optimal_motion import GuaranteedEffort
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.controllers import Controller
@@ -89,12 +89,12 @@ def interval_rows(axis: System, truth: Sequence[float], proved: Estimate) -> lis
 def save_table(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
     """Write it and print it."""
     write_table(path, columns, rows)
-    print(report.text_table(columns, [[row[c] for c in columns] for row in rows]), end="\n\n")
+    print(plots.text_table(columns, [[row[c] for c in columns] for row in rows]), end="\n\n")
 
 
 def draw_intervals(
-    canvas: report.Figure,
-    panel: report.Axes,
+    canvas: plots.Figure,
+    panel: plots.Axes,
     axis: System,
     found: Mapping[str, Estimate],
     truth: Sequence[float],
@@ -110,13 +110,13 @@ def draw_intervals(
     """
     m, centre, half = len(axis.names), np.asarray(axis.centre), np.asarray(axis.half_widths)
 
-    def relative(values: Sequence[float] | Array) -> report.Array:
+    def relative(values: Sequence[float] | Array) -> plots.Array:
         return (np.asarray(values)[:m] - centre) / half
 
     bars = {name: (relative(e.lower), relative(e.upper)) for name, e in found.items()}
     bars = {"prior box": (-np.ones(m), np.ones(m))} | bars
-    report.intervals(panel, axis.names, bars, relative(truth))
-    report.label(panel, "parameter", "half-widths of the prior box", "what one log proves")
+    plots.intervals(panel, axis.names, bars, relative(truth))
+    plots.label(panel, "parameter", "half-widths of the prior box", "what one log proves")
     legend = panel.get_legend()
     assert legend is not None
     legend.remove()

@@ -20,7 +20,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.augmented_lagrangian import descend
 from jaxid.search.linear_programs import Point, linear_step
 from jaxid.search.problem import Problem
-from jaxid.search.restoration import walk
+from jaxid.search.restoration import restored
 
 _SMOOTHING = 1e-3  # where starts are compared
 _CHOSEN = 128  # of the starts that are descended from
@@ -82,7 +82,7 @@ def polished_member(
         steps: linear programs, at most, per smoothing.
         smoothings: of the objective, one after the other.
     """
-    best, found = z, walk(problem, inside, family.trajectory(z))
+    best, found = z, restored(problem, inside, family.trajectory(z))
     value = float(problem.value(found))
     limits = inequalities(problem.limits, problem.boundary, found.jerk.size, _period(found))
     for smoothing in map(jnp.asarray, smoothings):
@@ -98,7 +98,7 @@ def polished_member(
             radius *= 2.0 if gained > 0.75 * promised else 0.4 if gained < 0.25 * promised else 1.0
             if gained > 0:
                 at, z = trial, jnp.asarray(trial.jerk)
-                motion = walk(problem, inside, family.trajectory(z))
+                motion = restored(problem, inside, family.trajectory(z))
                 if (reached := float(problem.value(motion))) < value:
                     value, best, found = reached, z, motion
     return best, found
@@ -113,7 +113,7 @@ def _point(
 ) -> Point:
     """Of a member: its value when walked back into the limits, and the slope without that."""
     slope = _slope(problem, family, z, smoothing)
-    value = _smoothed(problem, walk(problem, inside, family.trajectory(z)), smoothing)
+    value = _smoothed(problem, restored(problem, inside, family.trajectory(z)), smoothing)
     return Point(np.asarray(z), float(value), np.asarray(slope))
 
 
@@ -161,6 +161,6 @@ def _values(
     problem: Problem, inside: JerkTrajectory, family: Excitation, z: Float[Array, "k d"]
 ) -> Float[Array, " k"]:
     def value(z: Numbers) -> Scalar:
-        return problem.value(walk(problem, inside, family.trajectory(z)))
+        return problem.value(restored(problem, inside, family.trajectory(z)))
 
     return jax.lax.map(value, z, batch_size=16)

@@ -8,7 +8,7 @@ import numpy as np
 from experiments.paper import tables
 from experiments.paper.designs import STUDIED
 from experiments.paper.figures import SYMBOLS
-from jaxid.io import plots as report
+from jaxid.io import plots
 
 CHANGES = {
     "limit_percent": "limit",
@@ -22,7 +22,7 @@ def study(path: Path, rows: Sequence[tables.Row]) -> None:
     """Filter, loop and worst case: horizons by bandwidths, one row of panels per parameter."""
     stages = list(CHANGES.items())[1:]
     names = [name for name in STUDIED if any(row["parameter"] == name for row in rows)]
-    canvas, panels = report.figure(len(names), len(stages), (9.5, 2.7 * len(names)))
+    canvas, panels = plots.figure(len(names), len(stages), (9.5, 2.7 * len(names)))
     horizons, bandwidths = (_values(rows, column) for column in ("N", "w_rad_s"))
     for number, panel in enumerate(panels):
         name, (column, title) = names[number // len(stages)], stages[number % len(stages)]
@@ -31,29 +31,29 @@ def study(path: Path, rows: Sequence[tables.Row]) -> None:
         }
         values = _rounded([[cells[n, w] for w in bandwidths] for n in horizons])
         names_of = _text(horizons), _text(bandwidths)
-        report.heat_map(panel, values, *names_of, "{:.1f}", ends=_ends(rows, dict(stages)))
+        plots.heat_map(panel, values, *names_of, "{:.1f}", ends=_ends(rows, dict(stages)))
         y = "horizon N" if title == stages[0][1] else ""
         x = "w (rad/s)" if name == names[-1] else ""
-        report.label(panel, x, y, f"{title}: $J_f$ of {SYMBOLS[name]}, %")
-    report.save(canvas, path)
+        plots.label(panel, x, y, f"{title}: $J_f$ of {SYMBOLS[name]}, %")
+    plots.save(canvas, path)
 
 
 def harder(path: Path, rows: Sequence[tables.Row]) -> None:
     """Settings by stages, one panel per parameter."""
     names = [name for name in STUDIED if any(row["parameter"] == name for row in rows)]
-    canvas, panels = report.figure(1, len(names), (9.5, 3.6))
+    canvas, panels = plots.figure(1, len(names), (9.5, 3.6))
     for panel, name in zip(panels, names, strict=True):
         own = [row for row in rows if row["parameter"] == name]
         values = _rounded([[row[column] for column in CHANGES] for row in own])
         settings = [str(row["setting"]) for row in own] if panel is panels[0] else [""] * len(own)
         columns = list(CHANGES.values())
-        report.heat_map(panel, values, settings, columns, "{:.1f}", ends=_ends(rows, CHANGES))
-        report.label(panel, "", "", f"$J_f$ of {SYMBOLS[name]}, %")
+        plots.heat_map(panel, values, settings, columns, "{:.1f}", ends=_ends(rows, CHANGES))
+        plots.label(panel, "", "", f"$J_f$ of {SYMBOLS[name]}, %")
         panel.tick_params(axis="x", rotation=30)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
-def _rounded(cells: Sequence[Sequence[tables.Value]]) -> report.Array:
+def _rounded(cells: Sequence[Sequence[tables.Value]]) -> plots.Array:
     """As they are written: what is written as nothing has no colour of its own either."""
     return np.round([[float(cell or 0.0) for cell in line] for line in cells], 1) + 0.0
 

@@ -18,7 +18,7 @@ from experiments.paper.designs import (
     Cell,
     trajectory_path,
 )
-from jaxid.design.nominal_log import foreseen
+from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.intervals import identify_log
 from jaxid.identification.modulating_functions import modulating
 from jaxid.io.files import read_trajectory
@@ -76,7 +76,7 @@ def read_motions(folder: Path) -> Motions:
 
 def _against(motion: JerkTrajectory) -> Float[Array, "m ticks"]:
     system = motor.system()
-    log = foreseen(system, motion, motor.servo())
+    log = nominal_log(system, motion, motor.servo())
     weights = modulating(identify_log(system, log).logged, system.half_widths)
     return jnp.sign(jnp.concatenate([weights[:, :1], weights], axis=1))
 

@@ -19,17 +19,17 @@ from experiments.paper.designs import TOY, Cell, trajectory_path
 from jaxid.design.criteria import PerfectTracking, ThroughLoop
 from jaxid.design.optimal_motion import design_motion
 from jaxid.io.files import read_trajectory
-from jaxid.loop.closed_loop import Sampled
+from jaxid.loop.closed_loop import SampledPlants
 from jaxid.loop.sensors import IdealSensor
 from jaxid.motion.limits import Limits
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.search.frozen_loop import Frozen, frozen, perfect
+from jaxid.search.frozen_loop import FrozenLoop, fixed_margins, freeze
 from jaxid.search.local import Effort, Refined, refine
 from jaxid.search.multistart import Effort as SearchEffort
 from jaxid.search.multistart import design
 from jaxid.search.problem import Objective, Problem
-from jaxid.search.restoration import inside
+from jaxid.search.restoration import interior_motion
 
 Designs = Mapping[str, JerkTrajectory]
 _SEED = 0  # of the cold searches
@@ -104,7 +104,7 @@ EFFORTS = (SearchEffort(), _EFFORT, _ACTIVE, _NEAREST, _SEED, _NOISE, _REPEATS, 
 FILTERED = ("filter_aware", "end_to_end", "robust")  # those that know the filter
 
 
-def _cold(case: Case, limits: Limits, axis: Frozen | None) -> JerkTrajectory:
+def _cold(case: Case, limits: Limits, axis: FrozenLoop | None) -> JerkTrajectory:
     task, effort = _task(case, limits, axis), _search_effort(case)
     system, key = case.setting.system(), _key(case)
     return design_motion(system, task, case.parameter, key, effort=effort).trajectory
@@ -118,26 +118,26 @@ def _cold_through_filter(case: Case, by_18: JerkTrajectory) -> JerkTrajectory:
     return design(coarse, task, _key(case), effort=_search_effort(case)).trajectory
 
 
-def _task(case: Case, limits: Limits, axis: Frozen | None) -> Task:
+def _task(case: Case, limits: Limits, axis: FrozenLoop | None) -> Task:
     return Task(limits, motor.boundary(), case.intervals, motor.KNOT_PERIOD, axis)
 
 
-def _still(case: Case, motion: JerkTrajectory) -> Frozen:
+def _still(case: Case, motion: JerkTrajectory) -> FrozenLoop:
     """An axis for cold searches: what the real one adds to a motion at most ticks, at all times.
 
     Or as much of it as leaves room for any motion: refinement sees what is really added.
     """
     system, limits = case.setting.system(), case.setting.limits()
-    added = frozen(case.axis(encoder()), limits, motion).added
+    added = freeze(case.axis(encoder()), limits, motion).added
     usual = [float(jnp.quantile(jnp.maximum(-x.lower, x.upper), _MOST)) for x in added]
     for share in (1.0, 0.7, 0.4):
         y, v, u = (share * margin for margin in usual[:3])
-        axis = perfect(system, 5 * case.intervals, (y, v, u, 0.0))
+        axis = fixed_margins(system, 5 * case.intervals, (y, v, u, 0.0))
         with contextlib.suppress(ValueError):  # no room
             problem = case.problem(case.planned(), axis, jnp.zeros(3))
-            inside(problem, case.intervals, motor.KNOT_PERIOD)
+            interior_motion(problem, case.intervals, motor.KNOT_PERIOD)
             return axis
-    return perfect(system, 5 * case.intervals, (0.0, 0.0, 0.0, 0.0))
+    return fixed_margins(system, 5 * case.intervals, (0.0, 0.0, 0.0, 0.0))
 
 
 def _refined(
@@ -156,7 +156,7 @@ def _refined(
         noise, nearness = (jnp.max(jnp.stack(part), axis=0) for part in zip(*seen, strict=True))
         room = _SPARE + (_NOISE + 0.1 * more) * noise
         nearest = case.plants[np.argsort(-nearness)[:_NEAREST]]
-        axis = Sampled(case.loop(IdealSensor()), nearest)
+        axis = SampledPlants(case.loop(IdealSensor()), nearest)
         problem = case.problem(objective, axis, room)
         found = chain.from_iterable(_refinements(problem, start, effort) for start in starts)
         motions = [x.trajectory for x in sorted(found, key=lambda refined: refined.value)]

@@ -29,9 +29,9 @@ from experiments._support.examples import (
     logged,
     save_table,
 )
-from jaxid.identification.falsification import explaining_factor
-from jaxid.identification.least_squares import fit
-from jaxid.io import plots as report
+from jaxid.identification.falsification import smallest_disturbance_factor
+from jaxid.identification.least_squares import fit_least_squares
+from jaxid.io import plots
 from jaxid.loop.disturbances import Cogging, LowSpeedFriction, Mixture
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.runtime import configure
@@ -112,14 +112,14 @@ class Reading(NamedTuple):
     """
 
     smallest: float
-    worth: jd.Appraisal
+    worth: jd.Evaluation
     proved: jd.Estimate
 
 
 def main(options: Example) -> None:
     """Search, run, read, save, draw, print."""
     models = {IN_DELTA: in_delta(), KNOWN: known()}
-    floors = {name: jd.floor(axis, task().limits) for name, axis in models.items()}
+    floors = {name: jd.lower_bound(axis, task().limits) for name, axis in models.items()}
     searches = {
         name: partial(searched, options, axis, floors[name]) for name, axis in models.items()
     }
@@ -127,8 +127,8 @@ def main(options: Example) -> None:
     logs = {name: logged(plant(), controller(), SERVO, motion) for name, motion in motions.items()}
     readings = {}
     for motion, (model, axis) in product(motions, models.items()):
-        smallest = DELTA[model] * explaining_factor(axis, [logs[motion]], KNOTS)
-        worth = jd.appraise(axis, motions[motion], SERVO, floors[model])
+        smallest = DELTA[model] * smallest_disturbance_factor(axis, [logs[motion]], KNOTS)
+        worth = jd.evaluate(axis, motions[motion], SERVO, floors[model])
         proved = jd.identify_log(axis, logs[motion]).estimate
         readings[motion, model] = Reading(smallest, worth, proved)
     rows = [
@@ -143,7 +143,7 @@ def main(options: Example) -> None:
     draw(options.named("cart.png"), motions, logs[IN_DELTA], readings)
 
 
-def searched(options: Example, axis: jd.System, least: jd.Floor) -> JerkTrajectory:
+def searched(options: Example, axis: jd.System, least: jd.LowerBound) -> JerkTrajectory:
     """For what a log can prove of the parameters that both models have."""
     shared = jnp.arange(len(axis.names)) < SHARED
     targets = jnp.where(shared, least.value, jnp.inf)
@@ -184,22 +184,22 @@ def draw(
     readings: Mapping[Pair, Reading],
 ) -> None:
     """Both motions, what either model leaves of the input of one log, and the intervals."""
-    canvas, (left, middle, right) = report.figure(1, 3, (14.0, 4.8))
-    for motion, colour in zip(motions.values(), (report.BLUE, report.GREEN), strict=True):
+    canvas, (left, middle, right) = plots.figure(1, 3, (14.0, 4.8))
+    for motion, colour in zip(motions.values(), (plots.BLUE, plots.GREEN), strict=True):
         time = np.linspace(0.0, float(motion.duration), 1000)
         velocity = np.asarray(motion.states(jnp.asarray(time)).velocity)
         left.plot(time, velocity, color=colour, linewidth=1.8)
-    report.limit_lines(left, task().limits.velocity.tolist())
-    report.label(left, "time (s)", "velocity (m/s)", "one motion for each model")
-    for axis, colour in ((in_delta(), report.BLUE), (known(), report.RED)):
-        found = fit(axis, [log])
+    plots.limit_lines(left, task().limits.velocity.tolist())
+    plots.label(left, "time (s)", "velocity (m/s)", "one motion for each model")
+    for axis, colour in ((in_delta(), plots.BLUE), (known(), plots.RED)):
+        found = fit_least_squares(axis, [log])
         middle.plot(1000 * found.position, found.rest, ".", color=colour, markersize=3)
-    report.limit_lines(middle, (-REST, REST))
+    plots.limit_lines(middle, (-REST, REST))
     title = f"rest by least squares, and ±{REST:g} N"
-    report.label(middle, "position (mm)", "rest of the input (N)", title)
+    plots.label(middle, "position (mm)", "rest of the input (N)", title)
     bars = {label: readings[pair].proved for label, pair in SHOWN.items()}
     draw_intervals(canvas, right, in_delta(), bars, TRUE_PARAMETERS)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 if __name__ == "__main__":

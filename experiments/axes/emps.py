@@ -25,15 +25,15 @@ from tqdm import tqdm
 
 from experiments._support.toys import Toys
 from experiments.paper.designs import TOY, with_starts
-from jaxid.design.evaluation import appraise
+from jaxid.design.evaluation import evaluate
 from jaxid.design.optimal_motion import design_guaranteed
-from jaxid.identification.falsification import explaining_factor
+from jaxid.identification.falsification import smallest_disturbance_factor
 from jaxid.identification.intervals import assumptions, identify_log, identify_logs
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.io.log_file import Columns, Recorded, read_log
 from jaxid.io.plots import text_table
-from jaxid.io.segments import steady
+from jaxid.io.segments import steady_segments
 from jaxid.loop.log import Log
 from jaxid.loop.servo import Servo
 from jaxid.model.disturbance_bound import ConstantBound
@@ -44,7 +44,7 @@ from jaxid.motion.limits import Boundary, Limits, through
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 from jaxid.search.multistart import Effort
 
@@ -155,7 +155,7 @@ def laps_of(recorded: Recorded, rows: int) -> list[Log]:
         part = np.s_[k * LAP : k * LAP + rows]
         assert recorded.time is not None  # EMPS has stamps
         own = Recorded(recorded.time[part], recorded.position[part], recorded.input[part])
-        (piece,) = steady(own, PERIOD, RESOLUTION)
+        (piece,) = steady_segments(own, PERIOD, RESOLUTION)
         found.append(piece.log)
     return found
 
@@ -188,9 +188,9 @@ def studied(name: str, model: Callable[[float], System], laps: Sequence[Log]) ->
         model: for a δ.
         laps: of the record.
     """
-    smallest = explaining_factor(model(1.0), laps[:2])
+    smallest = smallest_disturbance_factor(model(1.0), laps[:2])
     chosen = model(MARGIN * smallest)
-    later = explaining_factor(chosen, laps[2:])
+    later = smallest_disturbance_factor(chosen, laps[2:])
     alone = [identify_log(chosen, log, KNOTS).estimate for log in laps]
     together = identify_logs(chosen, laps, KNOTS).estimate
     return Result(name, smallest, chosen, later, alone, together)
@@ -247,11 +247,11 @@ def compared(options: Emps, result: Result) -> Iterator[dict[str, Cell]]:
     most = VOLTS * gain(options.data)
     box = {"position": POSITION, "velocity": VELOCITY, "input": (-most, most)}
     limits = Limits(acceleration=acceleration_limit(axis, **box), jerk=JERK, **box)
-    least = floor(axis, limits)
+    least = lower_bound(axis, limits)
     path = options.named("emps_trajectory.csv")
     if not options.redraw:
         write_trajectory(path, designed(options, axis, limits, least.value))
-    worth = appraise(axis, read_trajectory(path), Servo(PERIOD, RESOLUTION), least)
+    worth = evaluate(axis, read_trajectory(path), Servo(PERIOD, RESOLUTION), least)
     errors = {"lap 1 of the record": result.laps[0].bound, "designed": worth.guaranteed}
     for motion, error in errors.items():
         for k, name in enumerate(axis.names):
@@ -276,19 +276,19 @@ def designed(
 def draw(path: Path, result: Result) -> None:
     """Intervals lap by lap beside the published values."""
     names = result.system.names
-    canvas, panels = report.figure(1, len(names), (11.0, 4.0))
+    canvas, panels = plots.figure(1, len(names), (11.0, 4.0))
     parts = [*(str(k) for k in range(1, LAPS + 1)), "all"]
     for k, (panel, name) in enumerate(zip(panels, names, strict=True)):
         found = [*result.laps, result.together]
         low, high = ([float(getattr(e, end)[k]) for e in found] for end in ("lower", "upper"))
         x = np.arange(len(found))
-        panel.vlines(x, low, high, color=report.BLUE, linewidth=8, label="guaranteed")
-        panel.axhline(PUBLISHED[name], color=report.RED, linewidth=1.5, label="published")
+        panel.vlines(x, low, high, color=plots.BLUE, linewidth=8, label="guaranteed")
+        panel.axhline(PUBLISHED[name], color=plots.RED, linewidth=1.5, label="published")
         panel.set_xticks(x, parts, fontsize=12)
-        report.label(panel, "lap", "", f"{name} ({result.system.units[k]})")
+        plots.label(panel, "lap", "", f"{name} ({result.system.units[k]})")
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 if __name__ == "__main__":

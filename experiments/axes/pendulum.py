@@ -28,7 +28,7 @@ from experiments._support.examples import (
 )
 from jaxid._types import Scalar, dot
 from jaxid.design.criteria import PlannedError
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.loop.disturbances import LowSpeedFriction
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.runtime import configure
@@ -102,7 +102,7 @@ def heat(torque: jax.Array, seconds: jax.Array | None = None) -> Scalar:
 def main(options: Example) -> None:
     """Search, appraise, run, save, draw, print."""
     axis, law, truth = system(), controller(), plant()
-    least = jd.floor(axis, task().limits)
+    least = jd.lower_bound(axis, task().limits)
     key, effort = jax.random.key(options.seed), options.quick_guaranteed
 
     def for_all() -> JerkTrajectory:
@@ -113,7 +113,7 @@ def main(options: Example) -> None:
 
     searches = {ALL: for_all, ERROR: lambda: own(0.0), COOL: lambda: own(PRICE)}
     motions = options.motions("pendulum", searches, axis.coordinate)
-    worth = {name: jd.appraise(axis, motion, SERVO, least) for name, motion in motions.items()}
+    worth = {name: jd.evaluate(axis, motion, SERVO, least) for name, motion in motions.items()}
     logs = {name: logged(truth, law, SERVO, motion) for name, motion in motions.items()}
     proved = {name: jd.identify_log(axis, log).estimate for name, log in logs.items()}
     heats = {name: float(heat(log.input)) for name, log in logs.items()}
@@ -135,20 +135,20 @@ def main(options: Example) -> None:
 
 def draw(path: Path, logs: Mapping[str, jd.Log], proved: Mapping[str, jd.Estimate]) -> None:
     """The motions, the torque with and without a price, and what each log proves."""
-    canvas, (left, middle, right) = report.figure(1, 3, (14.0, 4.8))
+    canvas, (left, middle, right) = plots.figure(1, 3, (14.0, 4.8))
     limits, labels = task().limits, {ALL: "for all", ERROR: "for J", COOL: "for J and heat"}
-    for (name, log), colour in zip(logs.items(), report.CYCLE, strict=False):
+    for (name, log), colour in zip(logs.items(), plots.CYCLE, strict=False):
         time = np.arange(log.position.size) * SERVO.period
         left.plot(time, log.position, color=colour, linewidth=1.8)
         if name != ALL:
             middle.plot(time[:-1], log.input, color=colour, linewidth=1.2)
-    report.limit_lines(left, limits.position.tolist())
-    report.limit_lines(middle, limits.input.tolist())
-    report.label(left, "time (s)", "position (rad)", "three motions, as logged")
-    report.label(middle, "time (s)", "torque (N m)", "with and without a price on heat")
+    plots.limit_lines(left, limits.position.tolist())
+    plots.limit_lines(middle, limits.input.tolist())
+    plots.label(left, "time (s)", "position (rad)", "three motions, as logged")
+    plots.label(middle, "time (s)", "torque (N m)", "with and without a price on heat")
     bars = {labels[name]: found for name, found in proved.items()}
     draw_intervals(canvas, right, axis=system(), found=bars, truth=TRUE_PARAMETERS)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 if __name__ == "__main__":

@@ -35,11 +35,11 @@ from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, uniform
 from jaxid.regression.worst_case import individual
 from jaxid.runtime import configure
-from jaxid.search.arc_structures import evolved
+from jaxid.search.arc_structures import evolve_arcs
 from jaxid.search.initial_guesses import random_starts
 from jaxid.search.multistart import Design, Effort
 from jaxid.search.problem import Problem
-from jaxid.search.restoration import walk
+from jaxid.search.restoration import restored
 
 STARTS = 10  # of IPOPT
 SEARCHES = 4  # of ours: together they take up to three times as long as IPOPT's ten starts
@@ -184,7 +184,7 @@ def by_ipopt(
     for jerk in begin:
         found = uniform(problem.boundary.start, jnp.asarray(solve(jerk)), motor.KNOT_PERIOD)
         with stopwatch.stopped():
-            marks.append(Mark(error(cell, walk(problem, inside, found)), stopwatch.clock))
+            marks.append(Mark(error(cell, restored(problem, inside, found)), stopwatch.clock))
     return marks, stopwatch.clock
 
 
@@ -238,7 +238,7 @@ def starts(cell: Cell, seed: int, count: int) -> list[Jerk]:
     z = jnp.concatenate(
         [
             random_starts(random, space, count // 2),
-            evolved(dwells, problem, space, count - count // 2, generations=0),
+            evolve_arcs(dwells, problem, space, count - count // 2, generations=0),
         ]
     )
     return [np.asarray(space.trajectory(coordinates).jerk) for coordinates in z]

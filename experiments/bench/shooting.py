@@ -26,7 +26,7 @@ from jaxid.design.criteria import planned_error
 from jaxid.loop.record import rows_of
 from jaxid.model.disturbance_bound import SpeedBand
 from jaxid.model.regressors import Coulomb
-from jaxid.model.system import softened
+from jaxid.model.system import smoothed
 from jaxid.motion.trajectory import JerkTrajectory, uniform
 
 Vector = Float[np.ndarray, " n"]
@@ -125,7 +125,7 @@ def _guess(index: int, jerk: Vector, stage: Stage) -> tuple[Vector, float, float
     half = np.asarray(system.half_widths)
     states, weights = trajectory.midpoints(stage.nodes)
     step = jnp.abs(states.acceleration) * weights / 2
-    rows = rows_of(softened(system, stage.smoothing * _top_speed() + step), states, weights)
+    rows = rows_of(smoothed(system, stage.smoothing * _top_speed() + step), states, weights)
     phi, weights = np.asarray(rows.regressors) * half, np.asarray(weights)
     mixture = np.linalg.solve(phi.T * weights @ phi, np.eye(len(half))[index])
     square = float((phi @ mixture) ** 2 @ weights) / float(weights.sum())

@@ -19,14 +19,14 @@ from experiments._support.examples import PROVED, Example, interval_rows, logged
 from experiments._support.processes import each
 from experiments.axes import one_link_arm as arm
 from experiments.paper.designs import TOY, with_starts
-from jaxid.design.evaluation import Appraisal, appraise
+from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.design.optimal_motion import design_guaranteed, design_motion
 from jaxid.identification.intervals import assumptions, identify_log
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_trajectory
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 from jaxid.search.multistart import Effort
 
@@ -58,8 +58,8 @@ def main(study: Study) -> None:
         for design, motion in tqdm(found, "designs", len(designs)):
             write_trajectory(study.path(design), motion, system.coordinate)
     motions = {design: read_trajectory(study.path(design), system.coordinate) for design in designs}
-    least = floor(system, arm.limits())
-    worth = {name: appraise(system, motion, arm.servo(), least) for name, motion in motions.items()}
+    least = lower_bound(system, arm.limits())
+    worth = {name: evaluate(system, motion, arm.servo(), least) for name, motion in motions.items()}
     save_table(study.named("arm.csv"), COLUMNS, rows_of(worth, "design", system.names))
     log = logged(arm.plant(), arm.controller(), arm.servo(), motions[ALL])
     proved = identify_log(system, log).estimate
@@ -77,14 +77,14 @@ def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
     effort = TOY if study.toy else Effort()
     if design != ALL:
         return design, design_motion(system, task, design, key, effort=effort).trajectory
-    targets = floor(system, task.limits).value
+    targets = lower_bound(system, task.limits).value
     servo, tries = arm.servo(), with_starts(effort)
     return design, design_guaranteed(system, task, targets, key, servo, effort=tries)
 
 
-def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Appraisal]) -> None:
+def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Evaluation]) -> None:
     """The motion for all parameters, and gaps by design and parameter."""
-    canvas, panels = report.figure(1, 3, (12.0, 4.2))
+    canvas, panels = plots.figure(1, 3, (12.0, 4.2))
     time = np.linspace(0.0, float(motion.duration), 1000)
     states, limits = motion.states(jnp.asarray(time)), arm.limits()
     for panel, values, limit, name in zip(
@@ -94,14 +94,14 @@ def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Appraisal]) -> 
         ("position (rad)", "velocity (rad/s)"),
         strict=False,
     ):
-        report.series(panel, time, np.asarray(values), name, title="motion for all parameters")
-        report.limit_lines(panel, np.asarray(limit).tolist())
+        plots.series(panel, time, np.asarray(values), name, title="motion for all parameters")
+        plots.limit_lines(panel, np.asarray(limit).tolist())
     gaps = 100 * np.array([np.asarray(one.gap) for one in worth.values()])
     names = arm.system().names
-    report.heat_map(panels[2], gaps, list(worth), names, "{:.1f}", logarithmic=True)
+    plots.heat_map(panels[2], gaps, list(worth), names, "{:.1f}", logarithmic=True)
     title = "guaranteed error, % above the floor"
-    report.label(panels[2], "parameter", "designed for", title)
-    report.save(canvas, path)
+    plots.label(panels[2], "parameter", "designed for", title)
+    plots.save(canvas, path)
 
 
 if __name__ == "__main__":

@@ -40,21 +40,21 @@ from experiments.paper.designs import (
 from experiments.paper.figures import SYMBOLS
 from experiments.paper.tables import Table
 from jaxid.design.criteria import PlannedError
-from jaxid.design.evaluation import Appraisal, appraise
+from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.design.guaranteed_criterion import expected_error
 from jaxid.design.optimal_motion import GuaranteedEffort, design_motion
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.worst_case import infinity
 from jaxid.runtime import configure
-from jaxid.search.arc_structures import MEMBERS, Dwells, jerk_of
+from jaxid.search.arc_structures import MEMBERS, Arcs, jerk_of
 from jaxid.search.multistart import Effort, design
 from jaxid.search.problem import Problem
-from jaxid.search.restoration import inside, walk
+from jaxid.search.restoration import interior_motion, restored
 
 FAMILIES: Mapping[str, type[Excitation]] = {
     "chirp": excitations.Chirp,
@@ -103,9 +103,9 @@ def main(options: Compare) -> None:
         found = each(partial(searched, options), others, options.processes)
         for name, motion in tqdm(found, "excitations", len(others)):
             write_trajectory(options.path(name), motion)
-    least = floor(motor.system(), motor.limits())
+    least = lower_bound(motor.system(), motor.limits())
     worth = {
-        name: appraise(motor.system(), read_trajectory(options.path(name)), motor.servo(), least)
+        name: evaluate(motor.system(), read_trajectory(options.path(name)), motor.servo(), least)
         for name in EXCITATIONS
     }
     table = Table(COLUMNS, rows_of(worth, "excitation", motor.system().names))
@@ -123,7 +123,7 @@ def searched(options: Compare, name: str) -> tuple[str, JerkTrajectory]:
     """The best motion of one kind: of all that were found, the one that guarantees most."""
     limits = motor.limits()
     task = Task(limits, motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
-    targets = jnp.asarray(ALLOWED) * floor(motor.system(), limits).value
+    targets = jnp.asarray(ALLOWED) * lower_bound(motor.system(), limits).value
     effort = with_starts(TOY if options.toy else Effort())
     key = jax.random.fold_in(jax.random.key(options.seed), EXCITATIONS.index(name))
     find = members if name in FAMILIES else optimal
@@ -158,10 +158,10 @@ def members(
     """
     system, family, effort = motor.system(), family_of(name, task), tries.search
     problem = Problem.of(task, PlannedError(system, infinity(targets), _fastest(task), 5))
-    deep, found = inside(problem, task.intervals, task.period), []
+    deep, found = interior_motion(problem, task.intervals, task.period), []
     best = best_members(problem, deep, family, key, budget(effort), effort.polished)
     for z in best:
-        motion = walk(problem, deep, family.trajectory(z))
+        motion = restored(problem, deep, family.trajectory(z))
         for smoothings in (tries.smoothings[:1], tries.smoothings[1:]):
             exact = _expected(task, targets, motion)
             z, motion = polished_member(exact, deep, family, z, tries.steps, smoothings)
@@ -174,8 +174,8 @@ def family_of(name: str, task: Task) -> Excitation:
     limits = task.limits
     space = motion_space(limits, task.boundary, task.intervals, task.period)
     problem = Problem.of(task, lambda motion, smoothing: jnp.zeros(()))
-    deep = inside(problem, task.intervals, task.period)
-    dwells = Dwells(jnp.flip(limits.velocity), jnp.ones(2))
+    deep = interior_motion(problem, task.intervals, task.period)
+    dwells = Arcs(jnp.flip(limits.velocity), jnp.ones(2))
     moves = jnp.stack([deep.jerk, jerk_of(dwells, limits, space)])
     peak, jerk = (jnp.min(jnp.abs(x)) for x in (limits.acceleration, limits.jerk))
     edge = 2 * peak / jerk / deep.duration
@@ -191,20 +191,20 @@ def budget(effort: Effort) -> Budget:
     return Budget(bred + random + rounds, bred * effort.generations + descents)
 
 
-def draw(path: Path, worth: Mapping[str, Appraisal]) -> None:
+def draw(path: Path, worth: Mapping[str, Evaluation]) -> None:
     """Bars: how far above the floor, one panel per parameter that the motion decides about."""
-    canvas, panels = report.figure(1, len(STUDIED), (11.0, 4.6))
+    canvas, panels = plots.figure(1, len(STUDIED), (11.0, 4.6))
     y = np.arange(len(worth))
     for k, (panel, name) in enumerate(zip(panels, STUDIED, strict=True)):
         gaps = [100 * float(one.gap[k]) for one in worth.values()]
-        colours = [report.RED if excitation == OURS else report.BLUE for excitation in worth]
+        colours = [plots.RED if excitation == OURS else plots.BLUE for excitation in worth]
         bars = panel.barh(y, gaps, color=colours)
         panel.bar_label(bars, fmt="%.1f", padding=3, fontsize=10)
         panel.set_yticks(y, [e.replace("_", " ") for e in worth] if k == 0 else [])
         panel.invert_yaxis()
         panel.margins(x=0.15)
-        report.label(panel, "guaranteed error, % above the floor", "", SYMBOLS[name])
-    report.save(canvas, path)
+        plots.label(panel, "guaranteed error, % above the floor", "", SYMBOLS[name])
+    plots.save(canvas, path)
 
 
 def _expected(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> Problem:

@@ -24,15 +24,15 @@ from experiments._support.simulated_logs import Motions
 from experiments.axes import linear_motor as motor
 from jaxid.identification.feasible_parameter_set import feasible_set
 from jaxid.identification.intervals import assumptions, identify_log
-from jaxid.identification.regression_rows import boxes, guaranteed, hats
-from jaxid.identification.state_bounds import brackets
+from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
+from jaxid.identification.state_bounds import state_bounds
 from jaxid.io.files import write_bytes, write_table
 from jaxid.io.plots import text_table
 from jaxid.loop.log import Log
 from jaxid.regression.estimate import Estimate, least_squares_estimate
 from jaxid.regression.estimators import ESTIMATORS, Filtered, LeastSquares
 from jaxid.regression.filters import filtered
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 
 PROMISED = (
@@ -164,13 +164,13 @@ def intervals(log: Log, knots: int) -> Intervals:
 def _others(log: Log) -> dict[str, Estimate]:
     """All that need no linear program, from a single reading of the log with the prior box."""
     system, w, h = motor.system(), motor.BANDWIDTH, motor.CONTROL_PERIOD
-    found, low_pass = brackets(system, log), Filtered(LeastSquares(), w, h)
+    found, low_pass = state_bounds(system, log), Filtered(LeastSquares(), w, h)
     rows = hats(system, log, found)
     ways = {name: (rows, estimator) for name, estimator in ESTIMATORS.items()}
     ways["second_order_filter"] = (rows, Filtered(low_pass, w, h))
     ways["first_order_filter"] = (boxes(system, log, found), low_pass)
     promised = {
-        name: guaranteed(logged, estimator(logged.record.rows, system.half_widths))
+        name: guaranteed_estimate(logged, estimator(logged.record.rows, system.half_widths))
         for name, (logged, estimator) in ways.items()
     }
     records = (
@@ -190,7 +190,7 @@ def collected(options: Honest) -> Found:
 
 def table(found: Found) -> Iterator[dict[str, str | float | int]]:
     """Counts and lengths by estimator and parameter; of the usual logs apart."""
-    least = np.asarray(floor(motor.system(), motor.limits()).value)
+    least = np.asarray(lower_bound(motor.system(), motor.limits()).value)
     theta = found.theta[:, None]
     outside = (theta < found.lower) | (theta > found.upper)
     half = (found.upper - found.lower) / 2

@@ -19,18 +19,18 @@ from jaxid._checks import require
 from jaxid.design.criteria import planned_error
 from jaxid.design.optimal_motion import design_motion
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
-from jaxid.loop.closed_loop import excesses
+from jaxid.loop.closed_loop import plant_violations
 from jaxid.loop.disturbances import AgainstTracking, Disturbance, NoDisturbance
 from jaxid.loop.scenarios import random_scenarios
 from jaxid.loop.sensors import IdealSensor
-from jaxid.loop.tube import Tube, cells
-from jaxid.loop.worst_case_plants import adversaries
+from jaxid.loop.tube import Tube, parameter_cells
+from jaxid.loop.worst_case_plants import find_worst_case_plants
 from jaxid.motion.limits import Limits, shrunk
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import Prediction
 from jaxid.runtime import configure
-from jaxid.search.frozen_loop import perfect
+from jaxid.search.frozen_loop import fixed_margins
 from jaxid.search.local import Effort, refine
 from jaxid.search.multistart import Effort as SearchEffort
 from jaxid.search.problem import Problem
@@ -120,7 +120,7 @@ def proved(options: Robust, case: Case) -> JerkTrajectory:
 def tube(case: Case) -> Tube:
     """Of all plants."""
     loop, parts = case.loop(encoder()), (2, 1, 1, 1) if case.toy else CELLS
-    law, box = case.setting.controller(), cells(case.setting.system(), parts)
+    law, box = case.setting.controller(), parameter_cells(case.setting.system(), parts)
     return Tube(law, encoder(), box, loop.period, loop.ticks, loop.repeats)
 
 
@@ -129,7 +129,7 @@ def start(
 ) -> JerkTrajectory:
     """A cold search with fixed margins for what the axis adds to its motion."""
     system = case.setting.system()
-    axis = perfect(system, 5 * case.intervals, margins)
+    axis = fixed_margins(system, 5 * case.intervals, margins)
     limits, boundary = case.setting.limits(), motor.boundary()
     task = Task(limits, boundary, case.intervals, motor.KNOT_PERIOD, axis)
     key = jax.random.fold_in(jax.random.key(options.seed), case.index)
@@ -215,9 +215,9 @@ def beyond(
     ideal, real = case.loop(IdealSensor()), case.loop(encoder(), 1 if case.toy else 10)
     groups = (
         random_scenarios(first, system, kinds, real.repeats * real.ticks, plants),
-        adversaries(ideal, system, limits, motion, second, attacks),
+        find_worst_case_plants(ideal, system, limits, motion, second, attacks),
     )
-    one, other = (np.asarray(excesses(real, group, limits, motion)) for group in groups)
+    one, other = (np.asarray(plant_violations(real, group, limits, motion)) for group in groups)
     return one, other
 
 

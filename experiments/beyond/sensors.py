@@ -16,12 +16,12 @@ from experiments.axes import linear_motor as motor
 from experiments.paper.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajectory_path
 from experiments.paper.figures import SYMBOLS
 from jaxid._types import Scalar
-from jaxid.design.nominal_log import foreseen
+from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.intervals import ROUNDS, narrowed
 from jaxid.identification.modulating_functions import modulating
-from jaxid.identification.regression_rows import Logged, boxes, guaranteed, hats
-from jaxid.identification.state_bounds import brackets
-from jaxid.io import plots as report
+from jaxid.identification.regression_rows import RegressionRows, boxes, guaranteed_estimate, hats
+from jaxid.identification.state_bounds import state_bounds
+from jaxid.io import plots
 from jaxid.io.files import Cell as Value
 from jaxid.io.files import read_trajectory, write_table
 from jaxid.loop.log import Log
@@ -29,7 +29,7 @@ from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate
 from jaxid.regression.estimators import Filtered, LeastSquares
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 
 RESOLUTIONS = (0.05e-6, 0.5e-6, 5e-6, 50e-6)  # m
@@ -61,26 +61,26 @@ class Way(NamedTuple):
         estimates: of the rows.
     """
 
-    rows: Callable[..., Logged]
-    estimates: Callable[[Logged, Scalar], list[Estimate]]
+    rows: Callable[..., RegressionRows]
+    estimates: Callable[[RegressionRows, Scalar], list[Estimate]]
 
 
-def _filtered(order: int) -> Callable[[Logged, Scalar], list[Estimate]]:
+def _filtered(order: int) -> Callable[[RegressionRows, Scalar], list[Estimate]]:
     """Least squares of filtered rows, with every bandwidth."""
 
     @eqx.filter_jit
-    def one(logged: Logged, w: Scalar, period: Scalar) -> Estimate:
+    def one(logged: RegressionRows, w: Scalar, period: Scalar) -> Estimate:
         estimator = LeastSquares()
         for _ in range(order):
             estimator = Filtered(estimator, w, period)
         weights = estimator(logged.record.rows, logged.system.half_widths)
-        return guaranteed(logged, weights)
+        return guaranteed_estimate(logged, weights)
 
     return lambda logged, period: [one(logged, jnp.asarray(w), period) for w in BANDWIDTHS]
 
 
-def _modulated(logged: Logged, period: Scalar) -> list[Estimate]:
-    return [guaranteed(logged, modulating(logged, motor.system().half_widths))]
+def _modulated(logged: RegressionRows, period: Scalar) -> list[Estimate]:
+    return [guaranteed_estimate(logged, modulating(logged, motor.system().half_widths))]
 
 
 WAYS: Mapping[str, Way] = {
@@ -105,12 +105,12 @@ def main(options: Sensors) -> None:
 
 def costs(options: Sensors) -> Iterator[dict[str, Value]]:
     """What each way guarantees for each parameter and sensor; with filters, at the best w each."""
-    system, least = motor.system(), floor(motor.system(), motor.limits()).value
+    system, least = motor.system(), lower_bound(motor.system(), motor.limits()).value
     motion = read_trajectory(trajectory_path(options.motions, Cell(ONE_MOTION, HORIZON)))
     whole = [(period, resolution) for period in PERIODS for resolution in RESOLUTIONS]
     usual = [(motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)]
     for period, resolution in tqdm(usual if options.toy else whole, "sensors"):
-        log = foreseen(system, motion, Servo(period, resolution))
+        log = nominal_log(system, motion, Servo(period, resolution))
         for name, way in WAYS.items():
             bounds = least_bounds(system, log, way)
             for k, parameter in enumerate(system.names):
@@ -123,7 +123,7 @@ def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
     """Of the last of two readings of a log, the second with the box that the first left."""
     narrow, bounds = system, np.full(len(system.names), np.inf)
     for _ in range(ROUNDS):
-        found = way.estimates(way.rows(narrow, log, brackets(narrow, log)), log.period)
+        found = way.estimates(way.rows(narrow, log, state_bounds(narrow, log)), log.period)
         bounds = np.min([np.asarray(estimate.bound) for estimate in found], axis=0)
         for estimate in found:
             narrow = narrowed(narrow, estimate)
@@ -132,7 +132,7 @@ def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
 
 def draw(path: Path, rows: list[dict[str, Value]]) -> None:
     """Over resolutions at the motor's period above, over periods at its resolution below."""
-    canvas, panels = report.figure(2, len(STUDIED), (11.0, 7.0))
+    canvas, panels = plots.figure(2, len(STUDIED), (11.0, 7.0))
     sides = (
         ("resolution_m", "period_s", motor.CONTROL_PERIOD, "encoder count (µm)", 1e6, "at 0.2 ms"),
         ("period_s", "resolution_m", motor.ENCODER_RESOLUTION, "period (ms)", 1e3, "at 0.5 µm"),
@@ -140,17 +140,17 @@ def draw(path: Path, rows: list[dict[str, Value]]) -> None:
     for number, (along, fixed, value, label, factor, title) in enumerate(sides):
         for name, panel in zip(STUDIED, panels[number * len(STUDIED) :], strict=False):
             chosen = [r for r in rows if r["parameter"] == name and r[fixed] == value]
-            for colour, (way, (text, mark)) in zip(report.CYCLE, _LABELS.items(), strict=False):
+            for colour, (way, (text, mark)) in zip(plots.CYCLE, _LABELS.items(), strict=False):
                 own = [r for r in chosen if r["way"] == way]
                 x = [factor * float(r[along] or 0) for r in own]
                 panel.loglog(x, _above(own, "guaranteed"), f"{mark}-", color=colour, label=text)
             for worthless in _above(chosen[:1], "prior"):
-                panel.axhline(worthless, color=report.GREY, linestyle="--", label="prior box")
+                panel.axhline(worthless, color=plots.GREY, linestyle="--", label="prior box")
             side = "% above the floor" if name == STUDIED[0] else ""
-            report.label(panel, label, side, f"{SYMBOLS[name]}, {title}")
+            plots.label(panel, label, side, f"{SYMBOLS[name]}, {title}")
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=10)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 def _above(rows: list[dict[str, Value]], column: str) -> list[float]:

@@ -27,7 +27,7 @@ from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set
 from jaxid.identification.intervals import assumptions, identify_log, identify_logs
 from jaxid.identification.modulating_functions import KNOTS
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.io.plots import text_table
 from jaxid.loop.closed_loop import log_of, run
@@ -40,7 +40,7 @@ from jaxid.motion.limits import Limits
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 from jaxid.search.multistart import Effort
 
@@ -127,7 +127,7 @@ def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> It
     done: list[Round] = []
     for number, horizon in enumerate(horizons, start=1):
         limits = allowed(known, jerk)
-        least = floor(first, limits).value
+        least = lower_bound(first, limits).value
         motion = chosen(options, options.path(jerk, number), limits, horizon, done)
         log = measured(known, motion)
         logs = [*(before.log for before in done), log]
@@ -169,7 +169,7 @@ def designed(options: Sequential, task: Task, done: Sequence[Round]) -> JerkTraj
     key = jax.random.fold_in(jax.random.key(options.seed), len(done))
     if not done:
         return one_motion(motor.system(), task, key, effort)
-    before, least = done[-1].motion, floor(motor.system(), task.limits).value
+    before, least = done[-1].motion, lower_bound(motor.system(), task.limits).value
     # a motion that was designed for other limits is as good a start, and may stay
     starts = [key, before] if before.jerk.size == task.intervals else [key]
     proved = targets = expected(before)
@@ -240,10 +240,10 @@ def rows_of(jerk: float, number: int, done: Round) -> list[dict[str, Cell]]:
 def draw(path: Path, rows: Sequence[dict[str, Cell]]) -> None:
     """Intervals by round, from all logs so far."""
     names = motor.system().names
-    canvas, panels = report.figure(1, len(names), (11.0, 4.4))
+    canvas, panels = plots.figure(1, len(names), (11.0, 4.4))
     jerks = list(dict.fromkeys(float(row["jerk_m_s3"] or 0) for row in rows))
     for panel, name in zip(panels, names, strict=True):
-        for jerk, colour, side in zip(jerks, report.CYCLE, (-0.12, 0.12), strict=False):
+        for jerk, colour, side in zip(jerks, plots.CYCLE, (-0.12, 0.12), strict=False):
             own = [r for r in rows if r["parameter"] == name and r["jerk_m_s3"] == jerk]
             x = np.array([float(r["round"] or 0) for r in own]) + side
             for first, last, width, alpha, what in (
@@ -253,12 +253,12 @@ def draw(path: Path, rows: Sequence[dict[str, Cell]]) -> None:
                 low, high = ([float(r[end] or 0) for r in own] for end in (first, last))
                 text = f"{what}, {jerk:g} m/s³"
                 panel.vlines(x, low, high, color=colour, linewidth=width, alpha=alpha, label=text)
-            panel.axhline(float(own[0]["theta_true"] or 0), color=report.BLACK, linewidth=1.0)
+            panel.axhline(float(own[0]["theta_true"] or 0), color=plots.BLACK, linewidth=1.0)
         panel.set_xticks(range(1, 1 + max(int(r["round"] or 0) for r in rows)))
-        report.label(panel, "round", "", f"{SYMBOLS[name]} ({_unit(name)})")
+        plots.label(panel, "round", "", f"{SYMBOLS[name]} ({_unit(name)})")
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 def _unit(name: str) -> str:

@@ -23,7 +23,7 @@ from jaxid.design.criteria import planned_error
 from jaxid.identification.intervals import assumptions
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 from jaxid.search.multistart import Effort
 
@@ -169,7 +169,7 @@ def kept(
 
 def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[str]:
     """How far from the floor are the designs, and what does one experiment with the best prove?"""
-    least = floor(motor.system(), motor.limits())
+    least = lower_bound(motor.system(), motor.limits())
     motions = tqdm(trajectories.items(), "certificates")
     worths = {cell: certificates.worth(motion, least) for cell, motion in motions}
     proof = certificates.experiment(trajectories[Cell(ONE_MOTION, HORIZON)])

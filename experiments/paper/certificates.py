@@ -8,16 +8,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.axes import linear_motor as motor
-from jaxid.design.evaluation import Appraisal, appraise
+from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set, projection
 from jaxid.identification.intervals import Guarantee, assumptions, identify_log
-from jaxid.identification.regression_rows import guaranteed
+from jaxid.identification.regression_rows import guaranteed_estimate
 from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.record import rows_of
 from jaxid.loop.sensors import Encoder
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimators import ESTIMATORS
-from jaxid.regression.lower_bound import Floor
+from jaxid.regression.lower_bound import LowerBound
 from jaxid.regression.worst_case import affine_worst_case_error
 
 KNOTS = 150  # of a feasible set; twice as many leave 3 % less of it
@@ -33,7 +33,7 @@ class Worth(NamedTuple):
         errors: worst-case errors on the desired motion by other estimators, shape (m,) each.
     """
 
-    appraisal: Appraisal
+    appraisal: Evaluation
     errors: Mapping[str, Float[Array, " m"]]
 
 
@@ -53,9 +53,9 @@ class Proof(NamedTuple):
     projections: Mapping[tuple[str, str], Float[np.ndarray, "corners 2"]]
 
 
-def worth(motion: JerkTrajectory, least: Floor) -> Worth:
+def worth(motion: JerkTrajectory, least: LowerBound) -> Worth:
     """Before the experiment."""
-    return Worth(appraise(motor.system(), motion, motor.servo(), least), _errors(motion))
+    return Worth(evaluate(motor.system(), motion, motor.servo(), least), _errors(motion))
 
 
 @eqx.filter_jit
@@ -76,7 +76,9 @@ def experiment(motion: JerkTrajectory) -> Proof:
     log = log_of(signals, encoder, motor.CONTROL_PERIOD)
     found = identify_log(system, log)
     rows, box = found.logged.record.rows, system.half_widths
-    others = [guaranteed(found.logged, estimator(rows, box)) for estimator in ESTIMATORS.values()]
+    others = [
+        guaranteed_estimate(found.logged, estimator(rows, box)) for estimator in ESTIMATORS.values()
+    ]
     left = feasible_set(found.logged, [found.estimate, *others], KNOTS)
     seen = {pair: projection(found.logged, *pair, KNOTS) for pair in PLANES}
     return Proof(assumptions(system, log), found, left, seen)

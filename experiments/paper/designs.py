@@ -17,7 +17,7 @@ from jaxid.model.system import System
 from jaxid.motion.feasibility import InfeasibleError
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, uniform
-from jaxid.regression.lower_bound import floor
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.worst_case import infinity
 from jaxid.search.multistart import Effort
 
@@ -122,7 +122,7 @@ def _search_cell(effort: Effort, seed: int, size: int, cell: Cell, shorter: Foun
 
 def one_motion(system: System, task: Task, key: PRNGKeyArray, effort: Effort) -> JerkTrajectory:
     """Good for all parameters at once: its guaranteed errors compared with what is allowed."""
-    targets = jnp.asarray(ALLOWED) * floor(system, task.limits).value
+    targets = jnp.asarray(ALLOWED) * lower_bound(system, task.limits).value
     return design_guaranteed(system, task, targets, key, motor.servo(), effort=with_starts(effort))
 
 

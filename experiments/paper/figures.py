@@ -10,7 +10,7 @@ from experiments.axes import linear_motor as motor
 from experiments.paper.designs import Cell
 from experiments.paper.runs import BANDWIDTHS, ClosedLoop, OpenLoopRun, Pulses, Sweep
 from experiments.paper.tables import Errors
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, States
 from jaxid.motion.violation import Envelope
@@ -23,89 +23,89 @@ def desired(folder: Path, trajectories: Trajectories) -> None:
     """Figures 1 to 3: the optimal desired motions."""
     limits = np.asarray(motor.limits().motion)
     for number, (cell, trajectory) in enumerate(trajectories.items(), start=1):
-        canvas, panels = report.figure(3, 1, (7.0, 7.5))
+        canvas, panels = plots.figure(3, 1, (7.0, 7.5))
         title = (
             f"Desired trajectory for the estimation of {SYMBOLS[cell.target]}, N = {cell.horizon}"
         )
-        report.motion(panels, trajectory, limits, title)
-        report.save(canvas, folder / f"fig{number}.png")
+        plots.motion(panels, trajectory, limits, title)
+        plots.save(canvas, folder / f"fig{number}.png")
 
 
 def tracking(folder: Path, loops: Mapping[Cell, ClosedLoop]) -> None:
     """Figures 4 to 6: control input and tracking error."""
     for number, (cell, loop) in enumerate(loops.items(), start=4):
         signals = loop.signals
-        canvas, (above, below) = report.figure(2, 1, (7.0, 6.0))
+        canvas, (above, below) = plots.figure(2, 1, (7.0, 6.0))
         time = np.asarray(signals.time[:-1])
         title = f"ARC on the motion for {SYMBOLS[cell.target]}, 0.5 µm encoder"
-        report.series(above, time, np.asarray(signals.input), "control input (V)", title=title)
-        report.limit_lines(above, (-10.0, 10.0))
+        plots.series(above, time, np.asarray(signals.input), "control input (V)", title=title)
+        plots.limit_lines(above, (-10.0, 10.0))
         error = 1e6 * np.asarray(signals.position[:-1] - signals.reference.position)
-        report.series(below, time, error, "tracking error (µm)", report.RED)
-        report.save(canvas, folder / f"fig{number}.png")
+        plots.series(below, time, error, "tracking error (µm)", plots.RED)
+        plots.save(canvas, folder / f"fig{number}.png")
 
 
 def open_loop(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
     """Figures 7 and 8: pulses and the position that they lead to."""
     for number, amplitude in enumerate(motor.OPEN_LOOP_AMPLITUDES, start=7):
         signals = runs[amplitude].signals
-        canvas, (above, below) = report.figure(2, 1, (7.0, 6.0))
+        canvas, (above, below) = plots.figure(2, 1, (7.0, 6.0))
         time = np.asarray(signals.time)
         title = f"Open-loop identification with {amplitude} V pulses"
-        report.series(above, time[:-1], np.asarray(signals.input), "input (V)", title=title)
-        report.series(below, time, np.asarray(signals.position), "position (m)", report.RED)
-        report.limit_lines(below, np.asarray(motor.limits().position).tolist())
-        report.save(canvas, folder / f"fig{number}.png")
+        plots.series(above, time[:-1], np.asarray(signals.input), "input (V)", title=title)
+        plots.series(below, time, np.asarray(signals.position), "position (m)", plots.RED)
+        plots.limit_lines(below, np.asarray(motor.limits().position).tolist())
+        plots.save(canvas, folder / f"fig{number}.png")
 
 
 def bandwidth(folder: Path, sweeps: Mapping[Cell, Sweep], errors: Mapping[Cell, Errors]) -> None:
     """Figure 9: J_f over the bandwidth beside J*, and the two terms of (30)."""
-    canvas, panels = report.figure(2, 2, (9.0, 7.0))
+    canvas, panels = plots.figure(2, 2, (9.0, 7.0))
     w = np.asarray(BANDWIDTHS)
     for panel, (cell, sweep) in zip(panels, sweeps.items(), strict=False):
         index = motor.system().index(cell.target)
         star = errors[cell][index]
-        panel.semilogx(w, np.asarray(sweep.exact)[:, index] / star, "o-", color=report.BLUE)
-        panel.semilogx(w, np.asarray(sweep.measured)[:, index] / star, "s--", color=report.RED)
-        panel.axhline(1.0, color=report.GREY, linewidth=1.2)
-        report.label(
+        panel.semilogx(w, np.asarray(sweep.exact)[:, index] / star, "o-", color=plots.BLUE)
+        panel.semilogx(w, np.asarray(sweep.measured)[:, index] / star, "s--", color=plots.RED)
+        panel.axhline(1.0, color=plots.GREY, linewidth=1.2)
+        plots.label(
             panel, "w (rad/s)", r"$J_f / J_*$", f"{SYMBOLS[cell.target]}, N = {cell.horizon}"
         )
         panel.legend(("exact signals", "0.5 µm, differenced", r"$J_*$"), fontsize=10)
     first = next(iter(sweeps.values()))
     terms = panels[3]
-    terms.loglog(w, np.asarray(first.noise), "o-", color=report.BLUE)
-    terms.loglog(w, np.asarray(first.measured_noise), "s--", color=report.RED)
-    terms.loglog(w, np.asarray(first.lag), "^:", color=report.GREEN)
-    report.label(
+    terms.loglog(w, np.asarray(first.noise), "o-", color=plots.BLUE)
+    terms.loglog(w, np.asarray(first.measured_noise), "s--", color=plots.RED)
+    terms.loglog(w, np.asarray(first.lag), "^:", color=plots.GREEN)
+    plots.label(
         terms, "w (rad/s)", "rms (m/s²)", f"Terms of (30), motion for {next(iter(sweeps)).target}"
     )
     names = ("first: error, exact", "first: error, measured", "second: lag of the filter")
     terms.set_ylim(top=3e3)  # room for the legend above the lines
     terms.legend(names, fontsize=10, loc="upper center")
-    report.save(canvas, folder / "fig9.png")
+    plots.save(canvas, folder / "fig9.png")
 
 
 def amplitudes(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
     """Figure 10: what larger open-loop pulses gain, and where the stroke ends."""
-    canvas, (above, below) = report.figure(2, 1, (7.0, 7.0))
+    canvas, (above, below) = plots.figure(2, 1, (7.0, 7.0))
     x = np.array(sorted(runs))
     half = np.asarray(motor.system().half_widths)
     styles = ("o-", "s--", "^:", "d-.")
     for index, name in enumerate(motor.system().names):
         bounds = np.array([float(runs[a].estimate.bound[index]) for a in x]) / half[index]
-        above.semilogy(x, bounds, styles[index], color=report.CYCLE[index], label=SYMBOLS[name])
-    above.axhline(1.0, color=report.GREY, linestyle="--")
-    report.label(above, "", "bound / half of the prior box", "Open loop: larger pulses …")
+        above.semilogy(x, bounds, styles[index], color=plots.CYCLE[index], label=SYMBOLS[name])
+    above.axhline(1.0, color=plots.GREY, linestyle="--")
+    plots.label(above, "", "bound / half of the prior box", "Open loop: larger pulses …")
     above.legend(fontsize=11)
     travel = np.array([_travel(runs[a]) for a in x])
-    below.fill_between(x, travel[:, 0], travel[:, 1], color=report.SKY, alpha=0.6)
-    report.limit_lines(below, np.asarray(motor.limits().position).tolist())
+    below.fill_between(x, travel[:, 0], travel[:, 1], color=plots.SKY, alpha=0.6)
+    plots.limit_lines(below, np.asarray(motor.limits().position).tolist())
     below.set_ylim(-0.3, 1.2)
     start = Pulses().start
-    below.axhline(start, color=report.BLACK, linewidth=1.0)
-    report.label(below, "pulse amplitude (V)", "travel within 4 s (m)", "… and the travel they use")
-    report.save(canvas, folder / "fig10.png")
+    below.axhline(start, color=plots.BLACK, linewidth=1.0)
+    plots.label(below, "pulse amplitude (V)", "travel within 4 s (m)", "… and the travel they use")
+    plots.save(canvas, folder / "fig10.png")
 
 
 def tube(
@@ -121,7 +121,7 @@ def tube(
         limits: of the axis.
         name: of the parameter that the motion is for.
     """
-    canvas, panels = report.figure(3, 1, (7.5, 8.5))
+    canvas, panels = plots.figure(3, 1, (7.5, 8.5))
     time = motor.CONTROL_PERIOD * np.arange(1, planned.position.size + 1)
     none = np.zeros(planned.position.size)
     sides = (
@@ -130,20 +130,20 @@ def tube(
         ("input", "input (V)", 1.0, none),
     )
     for panel, (side, text, unit, middle) in zip(panels, sides, strict=True):
-        for envelope, colour in ((proved, report.SKY), (seen, report.BLUE)):
+        for envelope, colour in ((proved, plots.SKY), (seen, plots.BLUE)):
             lower, upper = (unit * (np.asarray(x) - middle) for x in getattr(envelope, side))
             panel.fill_between(time, lower, upper, color=colour, linewidth=0.0)
         height = panel.get_ylim()
         for end in getattr(limits, side):
-            panel.plot(time, unit * (float(end) - middle), "--", color=report.RED, linewidth=1.5)
+            panel.plot(time, unit * (float(end) - middle), "--", color=plots.RED, linewidth=1.5)
         panel.set_ylim(1.15 * min(height), 1.15 * max(height))
-        report.label(panel, "", text)
+        plots.label(panel, "", text)
     panels[0].set_title(f"Motion for {SYMBOLS[name]} with a proved tube", fontsize=12)
     panels[0].set_ylim(top=1.4 * panels[0].get_ylim()[1])  # room for the legend
     names = ("proved, every plant", "seen", "limit")
     panels[0].legend(names, fontsize=10, loc="upper center", ncols=3)
     panels[-1].set_xlabel("time of the motion (s)", fontsize=12)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 def overview(
@@ -153,24 +153,24 @@ def overview(
     runs: Mapping[float, OpenLoopRun],
 ) -> None:
     """For the README: the three motions, and what each experiment leaves of the prior box."""
-    canvas, (left, right) = report.figure(1, 2, (11.0, 4.4))
-    for (cell, trajectory), colour in zip(trajectories.items(), report.CYCLE, strict=False):
+    canvas, (left, right) = plots.figure(1, 2, (11.0, 4.4))
+    for (cell, trajectory), colour in zip(trajectories.items(), plots.CYCLE, strict=False):
         time = jnp.linspace(0.0, float(trajectory.duration), 1500)
         velocity = np.asarray(trajectory.states(time).velocity)
         left.plot(time, velocity, color=colour, linewidth=2, label=f"for {SYMBOLS[cell.target]}")
-    report.limit_lines(left, np.asarray(motor.limits().velocity).tolist())
-    report.label(left, "time (s)", "velocity (m/s)", "Optimal motions within the limits")
+    plots.limit_lines(left, np.asarray(motor.limits().velocity).tolist())
+    plots.label(left, "time (s)", "velocity (m/s)", "Optimal motions within the limits")
     left.legend(fontsize=11)
     _intervals(right, loops, runs[0.5])
-    report.save(canvas, folder / "overview.png")
+    plots.save(canvas, folder / "overview.png")
 
 
-def _intervals(panel: report.Axes, loops: Mapping[Cell, ClosedLoop], pulses: OpenLoopRun) -> None:
+def _intervals(panel: plots.Axes, loops: Mapping[Cell, ClosedLoop], pulses: OpenLoopRun) -> None:
     system = motor.system()
     index = [system.index(cell.target) for cell in loops]
     centre, half = np.asarray(system.centre)[index], np.asarray(system.half_widths)[index]
 
-    def relative(values: report.Array) -> report.Array:
+    def relative(values: plots.Array) -> plots.Array:
         return (np.asarray(values) - centre) / half
 
     hat = np.array([motor.PAPER_TABLE_2[cell.target][0] for cell in loops])
@@ -195,8 +195,8 @@ def _intervals(panel: report.Axes, loops: Mapping[Cell, ClosedLoop], pulses: Ope
         ),
     }
     truth = relative(np.array(motor.TRUE_PARAMETERS)[index])
-    report.intervals(panel, [SYMBOLS[cell.target] for cell in loops], bars, truth)
-    report.label(panel, "", "interval / half of the prior box", "What is left of the prior box")
+    plots.intervals(panel, [SYMBOLS[cell.target] for cell in loops], bars, truth)
+    plots.label(panel, "", "interval / half of the prior box", "What is left of the prior box")
     panel.set_ylim(-1.1, 2.1)
 
 

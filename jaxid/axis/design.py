@@ -12,18 +12,18 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.axis.file import PROGRAM, Axis
-from jaxid.design.evaluation import Appraisal, appraise
-from jaxid.design.nominal_log import foreseen
+from jaxid.design.evaluation import Evaluation, evaluate
+from jaxid.design.nominal_log import nominal_log
 from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed
 from jaxid.identification.falsification import louder
 from jaxid.identification.intervals import assumptions, identify_log
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import write_json, write_trajectory
 from jaxid.io.setpoints import margins, read_setpoints, sampled, write_setpoints
 from jaxid.motion.feasibility import interior
 from jaxid.motion.point_to_point import approach, joined, wait
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.regression.lower_bound import Floor, floor
+from jaxid.regression.lower_bound import LowerBound, lower_bound
 from jaxid.search.multistart import Report
 
 ALL = "all"  # parameters at once, each error over its floor
@@ -52,7 +52,7 @@ class AxisDesign(NamedTuple):
     target: str
     search: str
     motion: JerkTrajectory
-    worth: Appraisal
+    worth: Evaluation
     sensitivity: Float[np.ndarray, "factors m"]
 
 
@@ -80,7 +80,7 @@ def design_axis(
     system, task, servo = axis.system, axis.task, axis.servo
     require_possible(axis, target)
     tell("floor of every parameter")
-    least = floor(system, task.limits)
+    least = lower_bound(system, task.limits)
     targets, key = _targets(axis, target, least), jax.random.key(seed)
     motion = design_guaranteed(system, task, targets, key, servo, effort=effort, report=tell)
     tell("what it is worth")
@@ -117,12 +117,12 @@ def in_words(seed: int, effort: GuaranteedEffort) -> str:
 
 
 def appraised(
-    axis: Axis, target: str, search: str, motion: JerkTrajectory, least: Floor
+    axis: Axis, target: str, search: str, motion: JerkTrajectory, least: LowerBound
 ) -> AxisDesign:
     """A motion with what it is worth, and would be with another δ."""
-    worth = appraise(axis.system, motion, axis.servo, least)
+    worth = evaluate(axis.system, motion, axis.servo, least)
     systems = [louder(axis.system, factor) for factor in FACTORS]
-    found = [identify_log(x, foreseen(x, motion, axis.servo)).estimate for x in systems]
+    found = [identify_log(x, nominal_log(x, motion, axis.servo)).estimate for x in systems]
     sensitivity = np.stack([np.asarray(estimate.half_length) for estimate in found])
     return AxisDesign(axis, target, search, motion, worth, sensitivity)
 
@@ -198,7 +198,7 @@ def summary(found: AxisDesign, left: dict[str, float]) -> dict[str, Any]:
         "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
         "margins": left,
         "rests_on": list(
-            assumptions(system, foreseen(system, motion, axis.servo), delay=axis.delay)
+            assumptions(system, nominal_log(system, motion, axis.servo), delay=axis.delay)
         ),
     }
 
@@ -220,7 +220,7 @@ def _parameter(found: AxisDesign, k: int) -> dict[str, Any]:
     return known if np.isinf(wanted) else known | {"wanted": wanted}
 
 
-def _targets(axis: Axis, target: str, least: Floor) -> Float[Array, " m"]:
+def _targets(axis: Axis, target: str, least: LowerBound) -> Float[Array, " m"]:
     """What each error is compared with; inf leaves a parameter out."""
     if target == ALL:
         return least.value
@@ -244,25 +244,25 @@ def text(found: AxisDesign, left: dict[str, float]) -> str:
     rows = list(zip(system.names, system.units, *cells, strict=True))
     margins = ", ".join(f"{name} {x:.2%}" for name, x in left.items())
     title = "What its log can be expected to prove"
-    return f"{report.text_table(header, rows, title)}\nLeft of the limits: {margins}"
+    return f"{plots.text_table(header, rows, title)}\nLeft of the limits: {margins}"
 
 
 def page(path: Path, found: AxisDesign) -> None:
     """What is played within its limits, and what the log of the motion can be expected to leave."""
     axis, worth = found.axis, found.worth
-    canvas, panels = report.figure(2, 2, (11.0, 7.0))
+    canvas, panels = plots.figure(2, 2, (11.0, 7.0))
     title = f"motion for {_TITLES.get(found.target, found.target)}"
     limits, whole = np.asarray(axis.task.limits.motion), played(axis, found.motion)
-    report.motion(panels[:3], whole, limits, title, axis.system.coordinate)
+    plots.motion(panels[:3], whole, limits, title, axis.system.coordinate)
     before = float(whole.duration - found.motion.duration)
     for panel in panels[: 3 if before else 0]:
-        panel.axvspan(0.0, before, color=report.GREY, alpha=0.2, linewidth=0)
+        panel.axvspan(0.0, before, color=plots.GREY, alpha=0.2, linewidth=0)
     if before:
         panels[0].set_title(f"{title}; grey: its approach", fontsize=12)
     panels[1].set_xlabel("time (s)", fontsize=12)
     box = np.asarray(axis.system.half_widths)
     kinds = {"least squares": worth.error, "guaranteed": worth.guaranteed, "floor": worth.floor}
     shares = {kind: np.asarray(error) / box for kind, error in kinds.items()}
-    report.bars(panels[3], axis.system.names, shares, 1.0, np.asarray(axis.wanted) / box)
-    report.label(panels[3], "", "error, of the prior half-width")
-    report.save(canvas, path)
+    plots.bars(panels[3], axis.system.names, shares, 1.0, np.asarray(axis.wanted) / box)
+    plots.label(panels[3], "", "error, of the prior half-width")
+    plots.save(canvas, path)

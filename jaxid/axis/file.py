@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.axis.schema import AxisTables, Coordinate, whole
-from jaxid.design.nominal_log import foresight
+from jaxid.design.nominal_log import nominal_log_model
 from jaxid.io.log_file import Columns
 from jaxid.loop.controllers import Controller, Delayed
 from jaxid.loop.sensors import Encoder, IdealSensor, Sensor
@@ -136,7 +136,7 @@ def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
 def _require_logs(system: System, task: Task, servo: Servo) -> None:
     """Refuse a servo that no log of a motion can be kept with."""
     at_rest = uniform(task.boundary.start, jnp.zeros(task.intervals), task.period)
-    foresight(system, at_rest, servo)
+    nominal_log_model(system, at_rest, servo)
 
 
 def _system(tables: AxisTables, path: Path, run_python: bool) -> System:

@@ -13,11 +13,11 @@ from jaxid.axis.file import PROGRAM, Axis
 from jaxid.identification.batches import STRETCH, Proved, prove, rounded_down
 from jaxid.identification.falsification import LEAST
 from jaxid.identification.intervals import assumptions
-from jaxid.identification.least_squares import Fit, fit
-from jaxid.io import plots as report
+from jaxid.identification.least_squares import LeastSquaresFit, fit_least_squares
+from jaxid.io import plots
 from jaxid.io.files import UNITS, write_json
 from jaxid.io.log_file import Recorded
-from jaxid.io.segments import Piece, rows_used, steady
+from jaxid.io.segments import Segment, rows_used, steady_segments
 from jaxid.loop.log import Log
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
@@ -40,9 +40,9 @@ class Identified(NamedTuple):
 
     axis: Axis
     recorded: Recorded
-    pieces: tuple[Piece, ...]
+    pieces: tuple[Segment, ...]
     proved: Proved
-    fit: Fit | None
+    fit: LeastSquaresFit | None
 
 
 def identify_axis(
@@ -60,15 +60,15 @@ def identify_axis(
     """
     _require_plausible(recorded, axis.task.limits, axis.system)
     servo, system = axis.servo, axis.system
-    found = steady(recorded, servo.period, servo.resolution, axis.delay, longest=STRETCH)
+    found = steady_segments(recorded, servo.period, servo.resolution, axis.delay, longest=STRETCH)
     logs = [piece.log for piece in found]
     proved = prove(system, logs, tell)
     return Identified(axis, recorded, found, proved, _fit_if_possible(system, logs))
 
 
-def _fit_if_possible(system: System, logs: Sequence[Log]) -> Fit | None:
+def _fit_if_possible(system: System, logs: Sequence[Log]) -> LeastSquaresFit | None:
     try:
-        return fit(system, logs)
+        return fit_least_squares(system, logs)
     except ValueError:  # a bound needs no θ that is the only one to fit
         return None
 
@@ -198,7 +198,7 @@ def _intervals(found: Identified) -> str:
     rows = list(zip(system.names, system.units, *columns, strict=True))
     takes = f"{rounded_down(proved.factor):g}·δ at least" if proved.factor > LEAST else "hardly any"
     title = f"What the log proves; to explain it takes {takes}"
-    return report.text_table(header, rows, title)
+    return plots.text_table(header, rows, title)
 
 
 def _exchange(found: Identified, combination: np.ndarray) -> str:
@@ -210,9 +210,9 @@ def _exchange(found: Identified, combination: np.ndarray) -> str:
 def page(path: Path, found: Identified) -> None:
     """What least squares leaves of the input by time, position and velocity, beside ±δ."""
     system = found.axis.system
-    rest = found.fit or Fit(*np.zeros((6, 0)))
+    rest = found.fit or LeastSquaresFit(*np.zeros((6, 0)))
     unit = UNITS[system.coordinate]
-    canvas, panels = report.figure(1, 3, (12.0, 4.2))
+    canvas, panels = plots.figure(1, 3, (12.0, 4.2))
     bound = np.asarray(
         system.disturbance_bound(jnp.asarray(rest.position), jnp.asarray(rest.velocity))
     )
@@ -224,10 +224,10 @@ def page(path: Path, found: Identified) -> None:
     for panel, (name, x) in zip(panels, views, strict=True):
         order = np.argsort(x)
         for sign in (-1, 1):
-            panel.plot(x[order], sign * bound[order], color=report.GREY, linewidth=1.2)
-        panel.plot(x, rest.rest, ".", color=report.BLUE, markersize=2.5)
-        report.label(panel, name, "")
+            panel.plot(x[order], sign * bound[order], color=plots.GREY, linewidth=1.2)
+        panel.plot(x, rest.rest, ".", color=plots.BLUE, markersize=2.5)
+        plots.label(panel, name, "")
     title = "" if found.fit else "no fit by least squares"
     rest_of = f"rest of least squares ({system.input_unit}), ±δ grey"
-    report.label(panels[0], views[0][0], rest_of, title)
-    report.save(canvas, path)
+    plots.label(panels[0], views[0][0], rest_of, title)
+    plots.save(canvas, path)

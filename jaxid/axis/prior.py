@@ -14,11 +14,11 @@ from jaxtyping import Float
 from jaxid._checks import require
 from jaxid.axis.file import Axis
 from jaxid.identification.batches import shared
-from jaxid.identification.falsification import MOST, explaining_factor
-from jaxid.identification.least_squares import fit
+from jaxid.identification.falsification import MOST, smallest_disturbance_factor
+from jaxid.identification.least_squares import fit_least_squares
 from jaxid.io.log_file import Recorded
 from jaxid.io.plots import text_table
-from jaxid.io.segments import steady
+from jaxid.io.segments import steady_segments
 from jaxid.loop.log import Log
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.regressors import Coulomb, OneWay, Sign, Viscous
@@ -65,9 +65,9 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
             or a friction is below zero, or no δ explains it.
     """
     servo, system = axis.servo, axis.system
-    pieces = steady(recorded, servo.period, servo.resolution, axis.delay)
+    pieces = steady_segments(recorded, servo.period, servo.resolution, axis.delay)
     logs = [piece.log for piece in pieces]
-    found = fit(system, logs)
+    found = fit_least_squares(system, logs)
     require(
         found.theta[0] > 0,
         f"Argument `recorded`: least squares find {system.names[0]} = {found.theta[0]:.4g} "
@@ -118,7 +118,7 @@ def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) ->
     """The smallest constant δ that explains the logs."""
     level = float(np.sqrt(np.mean(rest**2))) or 1.0
     unit = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(level))
-    factor = explaining_factor(unit, logs, shared(_KNOTS, logs))
+    factor = smallest_disturbance_factor(unit, logs, shared(_KNOTS, logs))
     require(
         factor < MOST,
         f"Argument `recorded`: not even {MOST:g} times the rest of least squares explains it as a "

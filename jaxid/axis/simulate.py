@@ -14,9 +14,9 @@ from jaxid._checks import require
 from jaxid.axis.design import played
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.identification.intervals import assumptions, identify_log
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import UNITS, write_json
-from jaxid.loop.closed_loop import Loop, excesses
+from jaxid.loop.closed_loop import Loop, plant_violations
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.log import Log
 from jaxid.loop.scenarios import Scenarios, random_scenarios
@@ -85,7 +85,7 @@ def simulate_axis(
     key = jax.random.key(seed)
     scenarios = random_scenarios(key, axis.system, kinds, loop.ticks, plants)
     tell(f"{plants} plants")
-    excess = np.asarray(excesses(loop, scenarios, axis.task.limits, whole))
+    excess = np.asarray(plant_violations(loop, scenarios, axis.task.limits, whole))
     drawn = _signals(loop, scenarios[np.arange(min(max(logs, _DRAWN), plants))], whole)
     kept, lengths, outside = [_log(axis, drawn, k) for k in range(logs)], [], 0
     for k, log in enumerate(kept):
@@ -159,8 +159,8 @@ def text(found: Simulated) -> str:
     return "\n".join(
         (
             f"{found.plants} axes, seed {found.seed}: evidence, no proof",
-            report.text_table(("limit", "axes beyond it", "least margin"), margins),
-            report.text_table(("parameter", "unit", "median", "most"), lengths, title),
+            plots.text_table(("limit", "axes beyond it", "least margin"), margins),
+            plots.text_table(("parameter", "unit", "median", "most"), lengths, title),
             "They rest on:",
             *(f"  {sentence}" for sentence in said["rests_on"]),
         )
@@ -171,7 +171,7 @@ def page(path: Path, found: Simulated) -> None:
     """Tracking error, velocity and input of some plants."""
     axis, drawn = found.axis, found.drawn
     unit, limits = UNITS[axis.system.coordinate], axis.task.limits
-    canvas, panels = report.figure(1, 3, (12.0, 4.2))
+    canvas, panels = plots.figure(1, 3, (12.0, 4.2))
     instants = np.asarray(drawn.time[0])
     error = drawn.position - found.played.states(drawn.time[0]).position[None]
     ticks_at = instants[:-1:_SUBSTEPS]
@@ -183,6 +183,6 @@ def page(path: Path, found: Simulated) -> None:
     for panel, (name, time, values, interval) in zip(panels, views, strict=True):
         panel.plot(time, np.asarray(values[:_DRAWN]).T, linewidth=0.7, alpha=0.7)
         if interval is not None:
-            report.limit_lines(panel, interval.tolist())
-        report.label(panel, "time (s)", name)
-    report.save(canvas, path)
+            plots.limit_lines(panel, interval.tolist())
+        plots.label(panel, "time (s)", name)
+    plots.save(canvas, path)

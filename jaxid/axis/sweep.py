@@ -17,7 +17,7 @@ import xarray as xr
 from jaxid._checks import require
 from jaxid.axis.design import designs_in, played, read_design
 from jaxid.axis.file import Axis
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_dataset
 from jaxid.loop.controllers import ARC, Controller
 from jaxid.loop.disturbances import NoDisturbance
@@ -153,30 +153,30 @@ def scaled(controller: Controller, factor: float) -> Controller:
 def bounds_page(path: Path, found: xr.Dataset) -> None:
     """The worst J_f of each parameter over all scenarios, by motion and bandwidth."""
     parameters = names(found.parameter)
-    canvas, panels = report.figure(len(parameters), 1, (8.0, 2.4 * len(parameters)))
+    canvas, panels = plots.figure(len(parameters), 1, (8.0, 2.4 * len(parameters)))
     for panel, name in zip(panels, parameters, strict=True):
         own = found.sel(gains=_usual(found), parameter=name)
         percent = 100 * (own.bound.max("scenario") / own.half_width)
         table = percent.stack(motion=("design", "horizon")).dropna("motion", how="all")
         rows = [f"{design}, {time:g} s" for design, time in table.motion.values]
         values = table.transpose("motion", "bandwidth").values
-        report.heat_map(panel, values, rows, names(found.bandwidth), "{:.1f}", highest=100.0)
-        report.label(panel, "", "", f"worst $J_f$ of {name}, % of half its prior interval")
+        plots.heat_map(panel, values, rows, names(found.bandwidth), "{:.1f}", highest=100.0)
+        plots.label(panel, "", "", f"worst $J_f$ of {name}, % of half its prior interval")
     canvas.suptitle("motion by bandwidth; orange: the interval is not reduced", fontsize=12)
     panels[-1].set_xlabel("bandwidth w of the filter (rad/s)", fontsize=12)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 def tracking_page(path: Path, found: xr.Dataset) -> None:
     """Peak tracking error over gains and scenarios, at most over all motions."""
-    canvas, (panel,) = report.figure(1, 1, (9.0, 1.8 + 0.7 * found.gains.size))
+    canvas, (panel,) = plots.figure(1, 1, (9.0, 1.8 + 0.7 * found.gains.size))
     worst = found.tracking_error.max(["design", "horizon"]).transpose("gains", "scenario")
     rows, columns = names(found.gains), names(found.scenario)
-    report.heat_map(panel, worst.values, rows, columns, "{:.1e}", logarithmic=True)
+    plots.heat_map(panel, worst.values, rows, columns, "{:.1e}", logarithmic=True)
     unit = found.tracking_error.attrs["units"]
-    report.label(panel, "", "gains", f"largest tracking error, {unit} (∞: the loop diverges)")
+    plots.label(panel, "", "gains", f"largest tracking error, {unit} (∞: the loop diverges)")
     panel.set_xticklabels(columns, rotation=25, ha="right")
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 def summary(found: xr.Dataset) -> list[tuple[str, float, str, float, float, str]]:
@@ -199,7 +199,7 @@ def text(found: xr.Dataset) -> str:
     """For people."""
     header = ("designed for", "duration_s", "parameter", "best w (rad/s)", "worst J_f", "unit")
     title = f"Least squares, worst of all scenarios, gains {_usual(found)}"
-    table = report.text_table(header, summary(found), title)
+    table = plots.text_table(header, summary(found), title)
     count, diverged = int(found.tracking_error.count()), int(np.isinf(found.tracking_error).sum())
     loops = f"{count} closed loops, seed {found.seed}; {diverged} diverge."
     kept = found.outside.where(np.isfinite(found.tracking_error))

@@ -16,11 +16,11 @@ from jaxid.axis.design import (
 )
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.design.optimal_motion import GuaranteedEffort
-from jaxid.io import plots as report
+from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.motion.violation import worst_excess
-from jaxid.regression.lower_bound import floor
+from jaxid.motion.violation import worst_violation
+from jaxid.regression.lower_bound import lower_bound
 from jaxid.search.multistart import Report
 
 FILES = ("tradeoff.csv", "tradeoff.png")
@@ -65,7 +65,7 @@ def tradeoff(
             f"{folder} holds a design that is none of this axis and search: choose another folder, "
             "or allow to replace it with --force.",
         )
-    found, least = [], floor(axis.system, axis.task.limits)  # whatever the duration
+    found, least = [], lower_bound(axis.system, axis.task.limits)  # whatever the duration
     for folder, (target, longer), motion in zip(folders, asked, kept, strict=True):
         label = folder.name
         if motion is None:
@@ -107,7 +107,7 @@ def rows(found: Iterable[AxisDesign]) -> list[dict[str, Cell]]:
 def text(found: Iterable[AxisDesign]) -> str:
     """For people."""
     cells = [[row[name] for name in COLUMNS] for row in rows(found)]
-    return report.text_table(COLUMNS, cells, "What their logs can be expected to prove")
+    return plots.text_table(COLUMNS, cells, "What their logs can be expected to prove")
 
 
 def page(path: Path, found: Sequence[AxisDesign]) -> None:
@@ -115,18 +115,18 @@ def page(path: Path, found: Sequence[AxisDesign]) -> None:
     system = found[0].axis.system
     targets = list(dict.fromkeys(one.target for one in found))
     count = len(system.names)
-    canvas, panels = report.figure(1, count, (3.4 * count, 3.8))
+    canvas, panels = plots.figure(1, count, (3.4 * count, 3.8))
     for k, (panel, name, unit) in enumerate(zip(panels, system.names, system.units, strict=True)):
-        for target, colour in zip(targets, cycle(report.CYCLE), strict=False):
+        for target, colour in zip(targets, cycle(plots.CYCLE), strict=False):
             own = [one for one in found if one.target == target]
             time = [_duration(one.axis) for one in own]
             error = [float(one.worth.guaranteed[k]) for one in own]
             panel.plot(time, error, "o-", color=colour, label=f"for {target}")
         least = float(found[0].worth.floor[k])
-        panel.axhline(least, color=report.GREY, linestyle="--", linewidth=1.2, label="floor")
-        report.label(panel, "duration (s)", f"guaranteed ± ({unit})", name)
+        panel.axhline(least, color=plots.GREY, linestyle="--", linewidth=1.2, label="floor")
+        plots.label(panel, "duration (s)", f"guaranteed ± ({unit})", name)
     panels[0].legend(fontsize=10)
-    report.save(canvas, path)
+    plots.save(canvas, path)
 
 
 def _duration(axis: Axis) -> float:
@@ -144,5 +144,5 @@ def _kept(folder: Path, axis: Axis, target: str, search: str) -> JerkTrajectory 
     if (axis.digest, target, search, PROGRAM) != tuple(there.get(name) for name in names):
         return None
     right = motion.jerk.size == axis.task.intervals
-    right = right and worst_excess(axis.task.limits, axis.task.boundary, motion) <= 0
+    right = right and worst_violation(axis.task.limits, axis.task.boundary, motion) <= 0
     return motion if right else None

@@ -16,7 +16,7 @@ from jaxid.loop.closed_loop import Loop
 from jaxid.loop.record import Record, rows_of
 from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.simulate import Plant
-from jaxid.model.system import System, softened
+from jaxid.model.system import System, smoothed
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.filters import filtered
 from jaxid.regression.worst_case import (
@@ -52,7 +52,7 @@ class PlannedError(eqx.Module):
         """
         states, weights = trajectory.midpoints(self.nodes)
         step = jnp.abs(states.acceleration) * weights / 2
-        rows = rows_of(softened(self.system, smoothing * self.speed + step), states, weights)
+        rows = rows_of(smoothed(self.system, smoothing * self.speed + step), states, weights)
         errors = smooth_worst_case_error(least_squares(rows, self.norm), rows, 2 * smoothing)
         return jnp.log(jnp.max(errors))
 
@@ -101,7 +101,7 @@ class PerfectTracking(eqx.Module):
         states = trajectory.states((jnp.arange(self.ticks) + 0.5) * self.period)
         step = jnp.abs(states.acceleration) * self.period / 2
         measure = jnp.full(self.ticks, self.period)
-        rows = rows_of(softened(self.system, smoothing * self.speed + step), states, measure)
+        rows = rows_of(smoothed(self.system, smoothing * self.speed + step), states, measure)
         rows = jax.tree.map(lambda x: jnp.tile(x, self.repeats), rows)
         return self.criterion(Record(rows, jnp.zeros_like(rows.delta), None), smoothing)
 
@@ -141,7 +141,7 @@ class ThroughLoop(eqx.Module):
     def each(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " k"]:
         """The criterion for every plant."""
         blend = smoothing * self.speed + jnp.where(smoothing > 0, self.blend, 0.0)
-        loop, scenarios = softened((self.loop, self.scenarios), blend)
+        loop, scenarios = smoothed((self.loop, self.scenarios), blend)
 
         def one(plant: Plant) -> Scalar:
             return self.criterion(loop(plant, trajectory)[0], smoothing)

@@ -6,15 +6,15 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.design.criteria import planned_error
-from jaxid.design.nominal_log import foreseen
+from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.intervals import identify_log
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.regression.lower_bound import Floor
+from jaxid.regression.lower_bound import LowerBound
 
 
-class Appraisal(NamedTuple):
+class Evaluation(NamedTuple):
     """Of one motion, shape (m,) each, in the units of the parameters.
 
     Attributes:
@@ -37,7 +37,9 @@ class Appraisal(NamedTuple):
         return self.guaranteed / self.floor - 1
 
 
-def appraise(system: System, trajectory: JerkTrajectory, servo: Servo, least: Floor) -> Appraisal:
+def evaluate(
+    system: System, trajectory: JerkTrajectory, servo: Servo, least: LowerBound
+) -> Evaluation:
     """Appraise a motion before it is run.
 
     Args:
@@ -52,6 +54,6 @@ def appraise(system: System, trajectory: JerkTrajectory, servo: Servo, least: Fl
         f"Argument `least` must be the floor of the parameters {', '.join(names)} themselves, one "
         f"number each, but has {least.value.size}.",
     )
-    found = identify_log(system, foreseen(system, trajectory, servo)).estimate
+    found = identify_log(system, nominal_log(system, trajectory, servo)).estimate
     error = planned_error(system, trajectory)
-    return Appraisal(error, found.half_length, least.value, least.estimated)
+    return Evaluation(error, found.half_length, least.value, least.estimated)

@@ -16,15 +16,15 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require
 from jaxid._types import Scalar
-from jaxid.design.nominal_log import Foresight, foreseen, foresight
+from jaxid.design.nominal_log import NominalLog, nominal_log, nominal_log_model
 from jaxid.identification.intervals import identify_log, narrowed
 from jaxid.identification.modulating_functions import optimal
-from jaxid.identification.regression_rows import Logged, hats
-from jaxid.identification.state_bounds import Brackets, brackets
+from jaxid.identification.regression_rows import RegressionRows, hats
+from jaxid.identification.state_bounds import StateBounds, state_bounds
 from jaxid.loop.servo import Servo
-from jaxid.model.disturbance_bound import Cautious
+from jaxid.model.disturbance_bound import NearbyVelocityBound
 from jaxid.model.interval_arithmetic import Range
-from jaxid.model.system import System, softened
+from jaxid.model.system import System, smoothed
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.worst_case import affine_worst_case_error, bias
 
@@ -39,8 +39,8 @@ class GuaranteedError(eqx.Module):
     Attributes:
         system: with the prior box.
         narrow: the system with the box that the log is expected to leave, for its brackets. Its δ
-            may be a `Cautious` one, so that no jump of it is relied upon.
-        foresight: of the log.
+            may be a `NearbyVelocityBound` one, so that no jump of it is relied upon.
+        log_model: of the log.
         targets: of the m parameters, in their units; inf leaves one out.
         speed: m/s or rad/s, over which jumps are spread at smoothing 1.
         largest: of the relative errors; or else their sum, so that 1/targets are weights.
@@ -49,7 +49,7 @@ class GuaranteedError(eqx.Module):
 
     system: System
     narrow: System
-    foresight: Foresight
+    log_model: NominalLog
     targets: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
     speed: Scalar = eqx.field(converter=jnp.asarray)
     largest: bool = eqx.field(static=True, default=True)
@@ -86,9 +86,9 @@ class GuaranteedError(eqx.Module):
         exact = affine_worst_case_error(weights, rows, half_widths) + logged.shared(weights)
         return stop_gradient(exact - slope) + slope
 
-    def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Logged:
-        log, states = self.foresight(trajectory)
-        found = stop_gradient(brackets(self.narrow, stop_gradient(log)))
+    def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> RegressionRows:
+        log, states = self.log_model(trajectory)
+        found = stop_gradient(state_bounds(self.narrow, stop_gradient(log)))
 
         def moved(x: Range, middle: Float[Array, " n"]) -> Range:
             """A range that goes along with what it is about."""
@@ -96,12 +96,12 @@ class GuaranteedError(eqx.Module):
             return Range(x.lower + shift, x.upper + shift)
 
         y, v, a = map(moved, found[:3], states)
-        found = Brackets(y, v, a, found.reading)
+        found = StateBounds(y, v, a, found.reading)
         step = jnp.abs(states.acceleration) * log.period / 2
         blend = jnp.where(smoothing > 0, smoothing * self.speed + step, 0.0)
-        return hats(softened(self.narrow, blend), log, found)
+        return hats(smoothed(self.narrow, blend), log, found)
 
-    def _weights(self, logged: Logged) -> tuple[Float[Array, "m n"], Float[Array, "m m"]]:
+    def _weights(self, logged: RegressionRows) -> tuple[Float[Array, "m n"], Float[Array, "m m"]]:
         rows = logged.record.rows
         m, n = len(rows.columns), rows.delta.size
         shapes = (
@@ -150,9 +150,9 @@ def expected_error(
         speed: m/s or rad/s, over which jumps are spread at smoothing 1.
         largest: of the relative errors; or else their sum.
     """
-    narrow = narrowed(system, identify_log(system, foreseen(system, trajectory, servo)).estimate)
+    narrow = narrowed(system, identify_log(system, nominal_log(system, trajectory, servo)).estimate)
     if servo.velocity_error:
-        cautious = Cautious(system.disturbance_bound, servo.velocity_error)
+        cautious = NearbyVelocityBound(system.disturbance_bound, servo.velocity_error)
         narrow = eqx.tree_at(lambda s: s.disturbance_bound, narrow, cautious)
-    nominal = foresight(system, trajectory, servo)
+    nominal = nominal_log_model(system, trajectory, servo)
     return GuaranteedError(system, narrow, nominal, targets, speed, largest)

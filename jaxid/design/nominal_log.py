@@ -21,7 +21,7 @@ from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory, States, ticks
 
 
-class Foresight(eqx.Module):
+class NominalLog(eqx.Module):
     """A log, as a differentiable function of the motion that leaves it."""
 
     @abc.abstractmethod
@@ -29,7 +29,7 @@ class Foresight(eqx.Module):
         """The log, its positions exact, and the states of the axis half-way through each tick."""
 
 
-class Following(Foresight):
+class ExactTracking(NominalLog):
     """Of an axis that follows its reference exactly.
 
     Attributes:
@@ -52,7 +52,7 @@ class Following(Foresight):
         return Log(input, position, h, self.resolution), states
 
 
-class Controlled(Foresight):
+class ClosedLoopTracking(NominalLog):
     """Of an axis in a closed loop.
 
     Attributes:
@@ -74,7 +74,7 @@ class Controlled(Foresight):
         return log, States(y, v, record.rows.columns[0])
 
 
-def foresight(system: System, trajectory: JerkTrajectory, servo: Servo) -> Foresight:
+def nominal_log_model(system: System, trajectory: JerkTrajectory, servo: Servo) -> NominalLog:
     """For motions as long as this one.
 
     Raises:
@@ -91,12 +91,12 @@ def foresight(system: System, trajectory: JerkTrajectory, servo: Servo) -> Fores
         f"{servo.period:g} s for {float(trajectory.duration):g} s.",
     )
     if servo.controller is None:
-        return Following(system, servo.period, servo.resolution, count)
+        return ExactTracking(system, servo.period, servo.resolution, count)
     loop = Loop(servo.controller, IdealSensor(), servo.period, count)
-    return Controlled(loop, Plant(system, system.centre, NoDisturbance()), servo.resolution)
+    return ClosedLoopTracking(loop, Plant(system, system.centre, NoDisturbance()), servo.resolution)
 
 
-def foreseen(system: System, trajectory: JerkTrajectory, servo: Servo) -> Log:
+def nominal_log(system: System, trajectory: JerkTrajectory, servo: Servo) -> Log:
     """The log of an axis in the middle of its box; what it guarantees can be expected of others.
 
     Args:
@@ -104,9 +104,9 @@ def foreseen(system: System, trajectory: JerkTrajectory, servo: Servo) -> Log:
         trajectory: the motion.
         servo: what runs it.
     """
-    return _log(foresight(system, trajectory, servo), trajectory)
+    return _log(nominal_log_model(system, trajectory, servo), trajectory)
 
 
 @eqx.filter_jit
-def _log(foresight: Foresight, trajectory: JerkTrajectory) -> Log:
-    return foresight(trajectory)[0]
+def _log(model: NominalLog, trajectory: JerkTrajectory) -> Log:
+    return model(trajectory)[0]

@@ -11,7 +11,7 @@ from jaxid._checks import require, require_float64
 from jaxid._types import Scalar
 from jaxid.design.criteria import PlannedError
 from jaxid.design.guaranteed_criterion import GuaranteedError, expected_error, require_targets
-from jaxid.design.nominal_log import foresight
+from jaxid.design.nominal_log import nominal_log_model
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.motion.task import Task
@@ -19,7 +19,7 @@ from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.regression.worst_case import Norm, individual, infinity
 from jaxid.search.multistart import Design, Effort, Report, Show, design
 from jaxid.search.problem import Problem
-from jaxid.search.restoration import inside, walk
+from jaxid.search.restoration import interior_motion, restored
 from jaxid.search.slp import polish
 
 _MET = 1e-9  # half-widths: far more than rounding leaves, and than any stop would notice
@@ -117,11 +117,11 @@ def design_guaranteed(
     goals = jnp.asarray(targets, dtype=float)
     require_targets(system, goals)
     bare = Problem.of(task, _nothing)
-    deep = inside(bare, task.intervals, task.period)
-    foresight(system, deep, servo)  # refuses a servo that no log can be kept with
+    deep = interior_motion(bare, task.intervals, task.period)
+    nominal_log_model(system, deep, servo)  # refuses a servo that no log can be kept with
     search = _Search(system, task, deep, goals, servo, largest, effort, report)
     if isinstance(start, JerkTrajectory):
-        given = walk(bare, deep, _matching(task, start))
+        given = restored(bare, deep, _matching(task, start))
         return search.better(given, search.polished(given, effort.smoothings))
     return search.from_key(start)
 

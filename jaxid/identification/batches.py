@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid.identification.falsification import LEAST, MOST, explaining_factor, louder
+from jaxid.identification.falsification import LEAST, MOST, louder, smallest_disturbance_factor
 from jaxid.identification.feasible_parameter_set import feasible_set
 from jaxid.identification.intervals import best, identify_logs, within
-from jaxid.identification.joined_rows import read_together
+from jaxid.identification.joined_rows import rows_of_logs
 from jaxid.identification.modulating_functions import Knots
-from jaxid.identification.unidentifiable import blind
-from jaxid.loop.log import ContradictionError, Log
+from jaxid.identification.unidentifiable import unidentifiable_directions
+from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate
 
@@ -118,7 +118,7 @@ def most_telling(
 
 def _information(system: System, logs: Sequence[Log]) -> Float[np.ndarray, "m m"]:
     """In units of the box and δ."""
-    rows = read_together(system, logs).record.rows
+    rows = rows_of_logs(system, logs).record.rows
     count = np.asarray(rows.measure) > 0
     phi = np.asarray(rows.regressors) * np.asarray(system.half_widths)
     phi = phi[count] / np.asarray(rows.delta)[count, None]
@@ -146,7 +146,7 @@ class _Reading:
         self.coarse = max(self.coarse, ticks / sum(knots))
         tell("smallest δ that explains it")
         for count in (knots, shared(_FINER * _KNOTS, logs)):
-            self.factor = explaining_factor(self.system, logs, count, self.factor)
+            self.factor = smallest_disturbance_factor(self.system, logs, count, self.factor)
             if self.factor < _FAR or self.factor == MOST:
                 break
         if self.factor == MOST:
@@ -165,13 +165,13 @@ class _Reading:
             found = identify_logs(self.known, logs, knots)
             tell("all that is possible")
             left = feasible_set(found.logged, [found.estimate], knots)
-        except ContradictionError as contradiction:  # this reading can see what the first did not
+        except InconsistentLogError as contradiction:  # this reading can see what the first did not
             self.contradiction = str(contradiction)
             if len(self.parts) > 1:  # they may contradict one another, none itself
                 self.contradiction = _NOT_ALL.format(len(self.parts))
                 together = most_telling(self._explained, self.parts, first=self.parts[-1])
                 many = shared(_TOGETHER, together)
-                self.factor = explaining_factor(self.system, together, many, self.factor)
+                self.factor = smallest_disturbance_factor(self.system, together, many, self.factor)
         else:
             self.estimates.append(found.estimate)
             self.known = within(self.known, left.lower, left.upper)
@@ -215,7 +215,7 @@ class _Reading:
 
     def _look(self, logs: Sequence[Log], knots: Knots) -> None:
         """What neither these logs nor those before tell apart."""
-        now = blind(read_together(self._explained, logs), knots)
+        now = unidentifiable_directions(rows_of_logs(self._explained, logs), knots)
         before = now if self.unseen is None else self.unseen
         self.unseen = {name: now[name] for name in now if name in before}
 

@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxid._types import Scalar
-from jaxid.identification.joined_rows import read_together
+from jaxid.identification.joined_rows import rows_of_logs
 from jaxid.identification.modulating_functions import Knots, Program, program_of
-from jaxid.identification.regression_rows import Logged, upper_ends
-from jaxid.loop.log import ContradictionError, Log
-from jaxid.model.disturbance_bound import Scaled
+from jaxid.identification.regression_rows import RegressionRows, upper_ends
+from jaxid.loop.log import InconsistentLogError, Log
+from jaxid.model.disturbance_bound import ScaledBound
 from jaxid.model.system import System
 
 LEAST, MOST = 1e-3, 1e3  # factors of δ that are looked at
@@ -24,7 +24,7 @@ _TINY = 1e-6
 
 
 def smallest_factor(
-    rows: Callable[[Scalar], Logged], knots: Knots = None, least: float = LEAST
+    rows: Callable[[Scalar], RegressionRows], knots: Knots = None, least: float = LEAST
 ) -> float:
     """The largest s for which s·δ is proved not to explain the data; a thousandth more may do.
 
@@ -40,7 +40,7 @@ def smallest_factor(
         """Of a multiple of δ once more; infinite where not even the brackets have room."""
         try:
             logged = rows(jnp.asarray(factor))
-        except ContradictionError:
+        except InconsistentLogError:
             return np.inf
         return needed_factor(logged, *program_of(logged, count))
 
@@ -56,7 +56,7 @@ def smallest_factor(
     return low
 
 
-def explaining_factor(
+def smallest_disturbance_factor(
     system: System, logs: Sequence[Log], knots: Knots = None, least: float = LEAST
 ) -> float:
     """`smallest_factor` of the δ of a system, for logs of it: above 1 they contradict it.
@@ -67,7 +67,7 @@ def explaining_factor(
         knots: of the weights, at most, for each log; default all rows.
         least: what is returned if already it may explain them.
     """
-    return smallest_factor(lambda s: read_together(louder(system, s), logs), knots, least)
+    return smallest_factor(lambda s: rows_of_logs(louder(system, s), logs), knots, least)
 
 
 def _closed_in(
@@ -98,11 +98,13 @@ def _closed_in(
 
 def louder(system: System, factor: Scalar | float) -> System:
     """The system with s·δ for its disturbance bound."""
-    bound = Scaled(system.disturbance_bound, factor)
+    bound = ScaledBound(system.disturbance_bound, factor)
     return eqx.tree_at(lambda s: s.disturbance_bound, system, bound)
 
 
-def needed_factor(logged: Logged, program: Program, misfit: Float[np.ndarray, " n"]) -> float:
+def needed_factor(
+    logged: RegressionRows, program: Program, misfit: Float[np.ndarray, " n"]
+) -> float:
     """What δ must be multiplied by, at least, proved by one row of weights."""
     weights = jnp.asarray(program.contradicting(misfit))[None]
     nothing = jnp.zeros((1, program.half_widths.size))

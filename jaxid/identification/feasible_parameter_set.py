@@ -20,8 +20,8 @@ from jaxtyping import Array, Float
 from jaxid._checks import require
 from jaxid.identification.falsification import needed_factor
 from jaxid.identification.modulating_functions import Knots, Program, program_of
-from jaxid.identification.regression_rows import ROUNDED, Logged, upper_ends
-from jaxid.loop.log import ContradictionError
+from jaxid.identification.regression_rows import ROUNDED, RegressionRows, upper_ends
+from jaxid.loop.log import InconsistentLogError
 from jaxid.regression.estimate import Estimate
 
 _DIRECTIONS = 48  # of a projection
@@ -40,7 +40,7 @@ class FeasibleSet(NamedTuple):
 
 
 def feasible_set(
-    logged: Logged, others: Sequence[Estimate] = (), knots: Knots = None
+    logged: RegressionRows, others: Sequence[Estimate] = (), knots: Knots = None
 ) -> FeasibleSet:
     """All θ of the box that can have left the data, parameter by parameter.
 
@@ -60,7 +60,7 @@ def feasible_set(
         "Argument `logged`: no θ of the box can have left these data with |Δ| ≤ δ; δ, the box or "
         "the errors of the sensor are too small, or an input is not what was commanded. "
         "`smallest_factor` says what δ must be multiplied by.",
-        ContradictionError,
+        InconsistentLogError,
     )
     axes = np.eye(len(system.names))
     upper = _ends(logged, program, misfit, axes)
@@ -76,13 +76,13 @@ def feasible_set(
             float(low) <= float(high),
             f"Argument `others`: their intervals for {name} and what these data leave have nothing "
             f"in common ({float(low):.6g} is above {float(high):.6g}).",
-            ContradictionError,
+            InconsistentLogError,
         )
     return FeasibleSet(lower, upper)
 
 
 def projection(
-    logged: Logged, one: str, other: str, knots: Knots = None
+    logged: RegressionRows, one: str, other: str, knots: Knots = None
 ) -> Float[np.ndarray, "directions 2"]:
     """Corners of a polygon that holds the feasible set seen in the plane of two parameters."""
     system = logged.system
@@ -100,7 +100,7 @@ def projection(
 
 
 def _ends(
-    logged: Logged,
+    logged: RegressionRows,
     program: Program,
     misfit: Float[np.ndarray, " n"],
     functionals: Float[np.ndarray, "k m"],

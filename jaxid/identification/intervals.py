@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
-from jaxid.identification.joined_rows import read_together
+from jaxid.identification.joined_rows import rows_of_logs
 from jaxid.identification.modulating_functions import KNOTS, Knots, modulating
-from jaxid.identification.regression_rows import Logged, guaranteed
-from jaxid.loop.log import ContradictionError, Log
+from jaxid.identification.regression_rows import RegressionRows, guaranteed_estimate
+from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate
 
@@ -30,7 +30,7 @@ class Guarantee(NamedTuple):
     """
 
     estimate: Estimate
-    logged: Logged
+    logged: RegressionRows
 
 
 def identify_log(system: System, log: Log, knots: int = KNOTS) -> Guarantee:
@@ -85,9 +85,9 @@ def _read(narrow: System, system: System, logs: Sequence[Log], knots: Knots) -> 
 
 
 def _once(narrow: System, system: System, logs: Sequence[Log], knots: Knots) -> Guarantee:
-    logged = read_together(narrow, logs)
+    logged = rows_of_logs(narrow, logs)
     weights = modulating(logged, system.half_widths, knots=knots)
-    return Guarantee(guaranteed(logged, weights), logged)
+    return Guarantee(guaranteed_estimate(logged, weights), logged)
 
 
 def best(found: Sequence[Estimate]) -> Estimate:
@@ -167,7 +167,7 @@ def within(system: System, lower: Float[Array, " m"], upper: Float[Array, " m"])
             f"resolution is too small (the data ask for {name} from {float(low):.6g} on, the box "
             f"and the data before allow it up to {float(high):.6g}). `smallest_factor` says by how "
             "much δ is.",
-            ContradictionError,
+            InconsistentLogError,
         )
     ends = [jnp.stack(pair) for pair in zip(lower, upper, strict=True)]
     return eqx.tree_at(lambda s: [term.interval for term in s.terms], system, ends)

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
-from jaxid.identification.regression_rows import Channel, Logged, hats
-from jaxid.identification.state_bounds import brackets
+from jaxid.identification.regression_rows import Channel, RegressionRows, hats
+from jaxid.identification.state_bounds import state_bounds
 from jaxid.loop.log import Log
 from jaxid.loop.record import Record, Rows
 from jaxid.model.system import System
@@ -20,7 +20,7 @@ from jaxid.model.system import System
 _BETWEEN = 2  # rows: a second difference reaches two further than the weights
 
 
-def read_together(system: System, logs: Sequence[Log]) -> Logged:
+def rows_of_logs(system: System, logs: Sequence[Log]) -> RegressionRows:
     """Several logs of one axis as rows on hats, each with its own brackets.
 
     Args:
@@ -30,10 +30,10 @@ def read_together(system: System, logs: Sequence[Log]) -> Logged:
     Raises:
         ValueError: if no plant of the system can have left one of them.
     """
-    return joined([hats(system, log, brackets(system, log)) for log in logs])
+    return join_rows([hats(system, log, state_bounds(system, log)) for log in logs])
 
 
-def joined(parts: Sequence[Logged]) -> Logged:
+def join_rows(parts: Sequence[RegressionRows]) -> RegressionRows:
     """All parts, one after the other.
 
     Args:
@@ -63,7 +63,9 @@ def joined(parts: Sequence[Logged]) -> Logged:
     # their δ must not be zero: weights are sought in units of it
     rows = Rows(columns, all_of(lambda r: r.rows.delta, 1.0), all_of(lambda r: r.rows.measure, 0.0))
     channels = {name: _channel([part.channels[name] for part in parts]) for name in first.channels}
-    return Logged(first.system, Record(rows, all_of(lambda r: r.input, 0.0), None), channels)
+    return RegressionRows(
+        first.system, Record(rows, all_of(lambda r: r.input, 0.0), None), channels
+    )
 
 
 def _spaced(parts: Sequence[Float[Array, "_"]], count: int, value: float) -> Float[Array, "_"]:

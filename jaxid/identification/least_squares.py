@@ -18,7 +18,7 @@ _APART = 1e-3  # a combination of columns of length one that is shorter is zero 
 _PART = 0.01  # of such a combination, from which a parameter counts as one of it
 
 
-class Fit(NamedTuple):
+class LeastSquaresFit(NamedTuple):
     """Means over some ticks each, k in all.
 
     Attributes:
@@ -38,7 +38,7 @@ class Fit(NamedTuple):
     rest: Float[np.ndarray, " k"]
 
 
-def fit(system: System, logs: Sequence[Log]) -> Fit:
+def fit_least_squares(system: System, logs: Sequence[Log]) -> LeastSquaresFit:
     """The θ of least squares, whatever the box.
 
     Velocities and accelerations are differences of positions, by the same stencil in all columns.
@@ -73,7 +73,7 @@ def fit(system: System, logs: Sequence[Log]) -> Fit:
     shift = np.abs(weights).sum(axis=1) * np.max(np.abs(rest))
     lengths = [float(log.period) * n for log, n in zip(logs, counts, strict=True)]
     since = np.repeat(np.cumsum([0.0, *lengths[:-1]]), [len(part[1]) for part in parts])
-    return Fit(theta, shift, time + since, position, velocity, rest)
+    return LeastSquaresFit(theta, shift, time + since, position, velocity, rest)
 
 
 def _means(system: System, log: Log, n: int, width: int) -> tuple[np.ndarray, ...]:

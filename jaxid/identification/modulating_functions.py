@@ -20,7 +20,7 @@ from scipy import sparse
 from scipy.optimize import OptimizeResult, linprog
 
 from jaxid._checks import require
-from jaxid.identification.regression_rows import Logged
+from jaxid.identification.regression_rows import RegressionRows
 from jaxid.regression.worst_case import Norm
 
 Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
@@ -29,7 +29,7 @@ KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
 
 
 def modulating(
-    logged: Logged, box: Float[Array, " m"], norm: Norm | None = None, knots: Knots = KNOTS
+    logged: RegressionRows, box: Float[Array, " m"], norm: Norm | None = None, knots: Knots = KNOTS
 ) -> Float[Array, "k n"]:
     """Weights on the rows of `hats`, one row of them per functional.
 
@@ -214,7 +214,7 @@ def _hats(start: int, count: int, size: int, most: int) -> sparse.csr_array:
     return sparse.csr_array(entries, shape=(size, len(at) - 2))
 
 
-def program_of(logged: Logged, knots: Knots) -> tuple[Program, Float[np.ndarray, " n"]]:
+def program_of(logged: RegressionRows, knots: Knots) -> tuple[Program, Float[np.ndarray, " n"]]:
     """What `modulating` solves, and u − Φ·centre."""
     rows, system = logged.record.rows, logged.system
     channel = logged.channels.get("quantised ÿ")

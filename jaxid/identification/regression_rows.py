@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._types import Motion, Scalar
-from jaxid.identification.state_bounds import Brackets
+from jaxid.identification.state_bounds import StateBounds
 from jaxid.loop.log import Log
 from jaxid.loop.record import Record, Rows
 from jaxid.model.interval_arithmetic import Range, size
@@ -48,7 +48,7 @@ class Channel(NamedTuple):
         return jnp.abs(jnp.stack(spread)) @ self.bound
 
 
-class Logged(eqx.Module):
+class RegressionRows(eqx.Module):
     """A log as rows.
 
     Attributes:
@@ -71,7 +71,7 @@ class Logged(eqx.Module):
 
 
 @eqx.filter_jit
-def hats(system: System, log: Log, found: Brackets) -> Logged:
+def hats(system: System, log: Log, found: StateBounds) -> RegressionRows:
     """Test functions that are hats over two ticks: ÿ and ẏ from positions alone.
 
     By parts ∫hat·ÿ is a second difference of positions, exactly, and ∫hat·ẏ a difference of two
@@ -93,11 +93,11 @@ def hats(system: System, log: Log, found: Brackets) -> Logged:
         channels[f"interpolated ẏ of {system.names[j]}"] = Channel(
             jnp.array([-1.0, 1.0]), most[j] * h / 12 * size_of
         )
-    return Logged(system, Record(rows, _mean(log.input), None), channels)
+    return RegressionRows(system, Record(rows, _mean(log.input), None), channels)
 
 
 @eqx.filter_jit
-def boxes(system: System, log: Log, found: Brackets) -> Logged:
+def boxes(system: System, log: Log, found: StateBounds) -> RegressionRows:
     """Boxes of one tick, velocities by backward differences: the paper's way, made honest.
 
     A backward difference is the mean velocity of the tick before: it lags the velocity at its end
@@ -117,11 +117,11 @@ def boxes(system: System, log: Log, found: Brackets) -> Logged:
         channels[f"quantised ẏ of {system.names[j]}"] = _channel(
             (0.0, -1.0, 1.0), most[j] * half / h, n
         )
-    return Logged(system, Record(rows, log.input[1:], None), channels)
+    return RegressionRows(system, Record(rows, log.input[1:], None), channels)
 
 
 @eqx.filter_jit
-def guaranteed(logged: Logged, weights: Float[Array, "m n"]) -> Estimate:
+def guaranteed_estimate(logged: RegressionRows, weights: Float[Array, "m n"]) -> Estimate:
     """The estimate by any weights, with a bound for the continuous-time plant behind the log.
 
     It rests on θ in the box, |Δ| ≤ δ at all times, an input that is held over each tick as
@@ -156,7 +156,7 @@ def _mean(x: Float[Array, " n"]) -> Float[Array, " n-1"]:
     return (x[:-1] + x[1:]) / 2
 
 
-def _bracketed(system: System, log: Log, found: Brackets) -> tuple[tuple[Motion, ...], Motion]:
+def _bracketed(system: System, log: Log, found: StateBounds) -> tuple[tuple[Motion, ...], Motion]:
     """Middles of all regressors in each tick, and δ with what their ranges and jitter add to it.
 
     The ranges of ÿ and ẏ itself count nothing: these are measured.
@@ -187,14 +187,14 @@ def _channel(stencil: tuple[float, ...], bound: Array, count: int) -> Channel:
     return Channel(jnp.array(stencil), jnp.broadcast_to(bound, (count,)))
 
 
-def unlogged(system: System, record: Record) -> Logged:
+def exact_rows(system: System, record: Record) -> RegressionRows:
     """A Record without errors of a sensor, for what takes a log: every row for itself."""
-    return Logged(system, record, {})
+    return RegressionRows(system, record, {})
 
 
 @eqx.filter_jit
 def upper_ends(
-    logged: Logged,
+    logged: RegressionRows,
     weights: Float[Array, "k n"],
     misfit: Float[Array, " n"],
     functionals: Float[Array, "k m"],

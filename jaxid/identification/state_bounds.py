@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxid._checks import is_concrete, require, require_float64
 from jaxid._types import Scalar
-from jaxid.loop.log import ContradictionError, Log
+from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.interval_arithmetic import (
     Range,
     around,
@@ -35,7 +35,7 @@ _WINDOW = 12  # ticks: positions farther apart say less about a velocity than ne
 _PASSES = 4  # of velocity from acceleration and acceleration from velocity
 
 
-class Brackets(NamedTuple):
+class StateBounds(NamedTuple):
     """What the axis did during each of n ticks, at any instant of it.
 
     Attributes:
@@ -51,7 +51,7 @@ class Brackets(NamedTuple):
     reading: Float[Array, " samples"]
 
 
-def brackets(system: System, log: Log) -> Brackets:
+def state_bounds(system: System, log: Log) -> StateBounds:
     """Position, velocity and acceleration of every plant of the system that leaves this log.
 
     Args:
@@ -63,7 +63,7 @@ def brackets(system: System, log: Log) -> Brackets:
         ValueError: if its period is too long for any bracket.
     """
     require_float64("log", log)
-    found = _brackets(system, log)
+    found = _state_bounds(system, log)
     if is_concrete(found):
         require(
             bool(jnp.all(jnp.isfinite(found.velocity.upper))),
@@ -76,13 +76,13 @@ def brackets(system: System, log: Log) -> Brackets:
             float(room[tick]) >= 0,
             "Argument `log`: no plant within the box and δ can have left it; its positions and "
             f"inputs contradict each other around tick {tick}.",
-            ContradictionError,
+            InconsistentLogError,
         )
     return found
 
 
 @eqx.filter_jit
-def _brackets(system: System, log: Log) -> Brackets:
+def _state_bounds(system: System, log: Log) -> StateBounds:
     h, known = log.period, log.took_place()
     mean = jnp.diff(log.position) / h
     speed = _top_speed(system, log, mean)
@@ -93,7 +93,7 @@ def _brackets(system: System, log: Log) -> Brackets:
     velocity = _chosen(known, Range(mean - reach, mean + reach), around(speed))
     unread = jnp.where(jnp.append(True, known), 0.0, jnp.inf)
 
-    def narrower(_: Any, found: Brackets) -> Brackets:
+    def narrower(_: Any, found: StateBounds) -> StateBounds:
         """With what velocities and accelerations say of each other."""
         velocity = found.velocity
         reading = log.reading_error(_around_samples(size(velocity).upper, speed))
@@ -102,10 +102,10 @@ def _brackets(system: System, log: Log) -> Brackets:
         at_samples = _swept(windows, acceleration, h)
         common_to_both = common(velocity, _between(at_samples, acceleration, h))
         velocity = _chosen(known, common_to_both, velocity)
-        return Brackets(position, velocity, acceleration, reading)
+        return StateBounds(position, velocity, acceleration, reading)
 
     # a loop and not four copies, which compile four times as long
-    first = Brackets(position, velocity, acceleration, reading)
+    first = StateBounds(position, velocity, acceleration, reading)
     return jax.lax.fori_loop(0, _PASSES, narrower, first)
 
 

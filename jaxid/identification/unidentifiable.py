@@ -6,10 +6,12 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from jaxid.identification.modulating_functions import Knots, Program, program_of
-from jaxid.identification.regression_rows import Logged
+from jaxid.identification.regression_rows import RegressionRows
 
 
-def blind(logged: Logged, knots: Knots = None) -> dict[str, Float[np.ndarray, " m"]]:
+def unidentifiable_directions(
+    logged: RegressionRows, knots: Knots = None
+) -> dict[str, Float[np.ndarray, " m"]]:
     """What the motion behind the data cannot tell apart, whatever the data say.
 
     Args:

@@ -19,7 +19,7 @@ _ROUNDINGS = 4  # of a stamp and of what is computed from it
 _SHAPES = 2  # lengths that are worth compiling for
 
 
-class Piece(NamedTuple):
+class Segment(NamedTuple):
     """Rows `first` to `last` of a file, counted from 0, and what they are as a log."""
 
     first: int
@@ -27,13 +27,13 @@ class Piece(NamedTuple):
     log: Log
 
 
-def steady(
+def steady_segments(
     recorded: Recorded,
     period: float,
     resolution: float,
     delay: int = 0,
     longest: int | None = None,
-) -> tuple[Piece, ...]:
+) -> tuple[Segment, ...]:
     """All pieces whose time stamps miss equal steps by a tenth of the period at most.
 
     Where a row is missing, repeated, late or without a number, a piece ends and another begins. By
@@ -135,16 +135,16 @@ def _piece(
     part: tuple[int, int],
     resolution: float,
     delay: int,
-) -> Piece:
+) -> Segment:
     first, stop = part
     period, jitter = _clock(time[first:stop])
     position = jnp.asarray(recorded.position[first + delay : stop])
     acting = jnp.asarray(recorded.input[first : stop - delay])  # the last one after the last tick
     if jitter == 0:
-        return Piece(first, stop - 1, Log(acting[:-1], position, period, resolution))
+        return Segment(first, stop - 1, Log(acting[:-1], position, period, resolution))
     outer = jnp.stack([acting[0], acting[-1]])  # the tick of the first one lets an unknown one in
     log = Log(acting[1:-1], position[1:], period, resolution, jitter, outer)
-    return Piece(first, stop - 1, log)
+    return Segment(first, stop - 1, log)
 
 
 def _rung(log: Log) -> int:
@@ -152,6 +152,6 @@ def _rung(log: Log) -> int:
     return max(32, 2 ** int(np.ceil(np.log2(log.input.size))))
 
 
-def rows_used(pieces: Sequence[Piece]) -> int:
+def rows_used(pieces: Sequence[Segment]) -> int:
     """How many."""
     return sum(piece.last - piece.first + 1 for piece in pieces)

@@ -17,7 +17,7 @@ from jaxid.model.interval_arithmetic import Range, exactly
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, reference, ticks
-from jaxid.motion.violation import Envelope, Prediction, axis_excess
+from jaxid.motion.violation import Envelope, Prediction, axis_violations
 
 
 class Loop(eqx.Module):
@@ -45,7 +45,7 @@ class Loop(eqx.Module):
         return simulate(plant, self.controller, self.sensor, desired, self.period, self.substeps)
 
 
-class Sampled(Prediction):
+class SampledPlants(Prediction):
     """What some plants do along a motion: evidence, no proof for the others.
 
     Attributes:
@@ -66,17 +66,17 @@ class Sampled(Prediction):
 
 
 @eqx.filter_jit
-def excesses(
+def plant_violations(
     loop: Loop, scenarios: Scenarios, limits: Limits, trajectory: JerkTrajectory
 ) -> Float[Array, "k sides"]:
     """How far each plant is beyond each limit, at worst, in half-widths; ≤ 0 keeps it.
 
-    The sides are those of `axis_excess`. A plant whose loop diverges is beyond all limits.
+    The sides are those of `axis_violations`. A plant whose loop diverges is beyond all limits.
     """
 
     def worst(item: tuple[Array, Disturbance]) -> Float[Array, " sides"]:
         columns = _columns(loop, Plant(scenarios.system, *item), trajectory)
-        sides = axis_excess(limits, Envelope(*map(exactly, columns)))
+        sides = axis_violations(limits, Envelope(*map(exactly, columns)))
         return jnp.stack([jnp.max(side) for side in sides])
 
     # in batches: all signals of all plants at once would fill the memory

@@ -12,7 +12,7 @@ _ROUNDINGS = 4  # of a position: when it is read, and in a difference of two or 
 JITTER = 0.1  # of a period, at most: beyond it a log is hardly one of ticks
 
 
-class ContradictionError(ValueError):
+class InconsistentLogError(ValueError):
     """Data that nothing within the box and δ can have left."""
 
 

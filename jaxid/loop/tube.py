@@ -81,7 +81,7 @@ class Cells(eqx.Module):
     upper: Float[Array, "c m"]
 
 
-def cells(system: System, parts: tuple[int, ...]) -> Cells:
+def parameter_cells(system: System, parts: tuple[int, ...]) -> Cells:
     """Ω_θ cut into equal parts along each parameter.
 
     Args:

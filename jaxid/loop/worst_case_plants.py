@@ -25,7 +25,7 @@ class _Plants(eqx.Module):
     shares: Float[Array, "*k n"]
 
 
-def adversaries(
+def find_worst_case_plants(
     loop: Loop,
     system: System,
     limits: Limits,

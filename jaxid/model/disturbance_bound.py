@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxid._checks import require_at_least_zero, require_positive
 from jaxid._types import Motion, Scalar
 from jaxid.model.interval_arithmetic import Range, around, exactly, hull, plus, scaled, size
-from jaxid.model.smoothing import Kinked
+from jaxid.model.smoothing import Nonsmooth
 
 _OWNER = "a disturbance bound δ"
 
@@ -53,7 +53,7 @@ class ConstantBound(DisturbanceBound):
         return f"{float(self.level):g} {unit}"
 
 
-class SpeedBand(DisturbanceBound, Kinked):
+class SpeedBand(DisturbanceBound, Nonsmooth):
     """One level up to a threshold of |ẏ| and another above it (33).
 
     `blend` spreads the jump over about that speed; zero, the default, is the exact bound, in which
@@ -87,11 +87,11 @@ class SpeedBand(DisturbanceBound, Kinked):
             f"{float(self.fast):g} {unit} above"
         )
 
-    def softened(self, speed: Motion) -> "SpeedBand":
+    def smoothed(self, speed: Motion) -> "SpeedBand":
         return SpeedBand(self.slow, self.fast, self.threshold, self.blend + speed)
 
 
-class Scaled(DisturbanceBound):
+class ScaledBound(DisturbanceBound):
     """s·δ, for another δ and s > 0."""
 
     bound: DisturbanceBound
@@ -110,7 +110,7 @@ class Scaled(DisturbanceBound):
         return f"{float(self.factor):g} times {self.bound.describe(unit, speed)}"
 
 
-class Cautious(DisturbanceBound):
+class NearbyVelocityBound(DisturbanceBound):
     """Another δ, at its largest while the velocity is off by up to `reach` (m/s or rad/s)."""
 
     bound: DisturbanceBound

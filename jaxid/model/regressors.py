@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from jaxid._checks import require_at_least_zero, require_positive
 from jaxid._types import Interval, Motion, Scalar, as_interval
 from jaxid.model.interval_arithmetic import Range, around, exactly, hull, plus, size
-from jaxid.model.smoothing import Kinked
+from jaxid.model.smoothing import Nonsmooth
 
 _CELLS = 64  # per side, in which a user's own regressor is looked at for (18)
 _TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a range, if nothing is known of its slopes
@@ -111,7 +111,7 @@ class Viscous(Regressor):
         return velocity
 
 
-class Coulomb(Regressor, Kinked):
+class Coulomb(Regressor, Nonsmooth):
     """f = S_f(ẏ) = (2/π)·arctan(β ẏ), a smooth sign of the velocity. β in s/m or s/rad.
 
     `blend` notches it around zero over about that speed; zero, the default, is the exact regressor.
@@ -137,7 +137,7 @@ class Coulomb(Regressor, Kinked):
     def range(self, position: Range, velocity: Range) -> Range:
         return Range(*(self(x, v) for x, v in zip(position, velocity, strict=True)))  # monotone
 
-    def softened(self, speed: Motion) -> "Coulomb":
+    def smoothed(self, speed: Motion) -> "Coulomb":
         return Coulomb(self.beta, self.blend + speed)
 
 

@@ -7,11 +7,11 @@ import equinox as eqx
 from jaxid._types import Motion
 
 
-class Kinked(eqx.Module):
+class Nonsmooth(eqx.Module):
     """Something that jumps with the speed."""
 
     @abc.abstractmethod
-    def softened(self, speed: Motion) -> "Kinked":
+    def smoothed(self, speed: Motion) -> "Nonsmooth":
         """The same thing with its jumps spread over about `speed` (m/s or rad/s).
 
         The speed may differ from sample to sample of the motion that it will be applied to.

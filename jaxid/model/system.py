@@ -20,7 +20,7 @@ from jaxid._types import Interval, Motion, as_interval, dot
 from jaxid.model.disturbance_bound import DisturbanceBound
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Regressor
-from jaxid.model.smoothing import Kinked
+from jaxid.model.smoothing import Nonsmooth
 
 Tree = TypeVar("Tree")
 
@@ -144,10 +144,10 @@ class System(eqx.Module):
         return (load - dot(self.forces(position, velocity), theta[1:])) / theta[0]
 
 
-def softened(tree: Tree, speed: Motion) -> Tree:
+def smoothed(tree: Tree, speed: Motion) -> Tree:
     """A system, or what holds one, with every jump spread over about `speed`: not for bounds."""
     return jax.tree.map(
-        lambda node: node.softened(speed) if isinstance(node, Kinked) else node,
+        lambda node: node.smoothed(speed) if isinstance(node, Nonsmooth) else node,
         tree,
-        is_leaf=lambda node: isinstance(node, Kinked),
+        is_leaf=lambda node: isinstance(node, Nonsmooth),
     )

@@ -7,7 +7,7 @@ from scipy.optimize import linprog
 from jaxid.motion.inequalities import Inequalities, Vector, sampled_conditions
 from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.trajectory import JerkTrajectory, padded, uniform
-from jaxid.motion.violation import worst_excess
+from jaxid.motion.violation import worst_violation
 
 
 class InfeasibleError(ValueError):
@@ -77,7 +77,7 @@ def _deepest(
             return None, bound
         found = padded(uniform(boundary.start, jnp.asarray(x * c.unit), period), size or intervals)
         # sampling relaxes the limits between the samples: only the exact extrema decide
-        if margin > 0 and float(worst_excess(limits, boundary, found)) < 0:
+        if margin > 0 and float(worst_violation(limits, boundary, found)) < 0:
             return found, margin
     return None, max(0.0, margin)
 

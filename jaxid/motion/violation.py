@@ -14,13 +14,13 @@ from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
 
-def excess(
+def violations(
     limits: Limits, boundary: Boundary, trajectory: JerkTrajectory
 ) -> tuple[Float[Array, "..."], ...]:
     """How far a motion is beyond each limit at its knots and half-way between them.
 
     Positive entries are violations, in half-widths of the limit; the inequalities of the via points
-    come last. For penalties: what a motion keeps exactly is `worst_excess`.
+    come last. For penalties: what a motion keeps exactly is `worst_violation`.
     """
     inner = trajectory.inside(jnp.array([0.5, 1.0], trajectory.jerk.dtype))
     # the acceleration is linear between the knots: its ends are enough
@@ -31,7 +31,7 @@ def excess(
 
 
 @eqx.filter_jit
-def worst_excess(limits: Limits, boundary: Boundary, trajectory: JerkTrajectory) -> Scalar:
+def worst_violation(limits: Limits, boundary: Boundary, trajectory: JerkTrajectory) -> Scalar:
     """The largest violation over all of time, in half-widths; ≤ 0 means that every limit is kept.
 
     From the closed-form extrema, and the inequalities of the via points. A motion that is no number
@@ -74,7 +74,7 @@ class Prediction(eqx.Module):
         """The envelope of the axis, tick by tick of the motion."""
 
 
-def axis_excess(limits: Limits, envelope: Envelope) -> tuple[Float[Array, "..."], ...]:
+def axis_violations(limits: Limits, envelope: Envelope) -> tuple[Float[Array, "..."], ...]:
     """How far the axis is beyond its limits, in half-widths: position, velocity, input and rate."""
     intervals = (limits.position, limits.velocity, limits.input, limits.input_rate)
     return tuple(

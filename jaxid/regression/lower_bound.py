@@ -38,7 +38,7 @@ PerCell = Float[np.ndarray, " cells"]
 Vector = Float[np.ndarray, " m"]
 
 
-class Floor(NamedTuple):
+class LowerBound(NamedTuple):
     """Of k functionals of θ.
 
     Attributes:
@@ -55,7 +55,7 @@ class Floor(NamedTuple):
     estimated: tuple[str, ...] = ()
 
 
-def floor(system: System, limits: Limits, norm: Norm | None = None) -> Floor:
+def lower_bound(system: System, limits: Limits, norm: Norm | None = None) -> LowerBound:
     """The certified floor of a system under limits.
 
     Args:
@@ -67,7 +67,7 @@ def floor(system: System, limits: Limits, norm: Norm | None = None) -> Floor:
     functionals = np.eye(len(system.names)) if norm is None else np.asarray(norm.functionals)
     found = [_of_one(system, limits, c) for c in functionals]
     value, above, dual = (jnp.asarray(np.stack(column)) for column in zip(*found, strict=True))
-    return Floor(value, above, dual, system.estimated)
+    return LowerBound(value, above, dual, system.estimated)
 
 
 def _of_one(system: System, limits: Limits, functional: Vector) -> tuple[float, float, Vector]:

@@ -25,7 +25,7 @@ _CHOICES = 8 + _DWELLS
 _SMOOTHING = 0.003
 
 
-class Dwells(NamedTuple):
+class Arcs(NamedTuple):
     """Speeds that are held one after the other.
 
     Attributes:
@@ -37,7 +37,7 @@ class Dwells(NamedTuple):
     shares: Float[Array, "*batch k"]
 
 
-def evolved(
+def evolve_arcs(
     key: PRNGKeyArray, problem: Problem, space: MotionSpace, count: int, generations: int
 ) -> Float[Array, "count d"]:
     """The best motion of dwells of each of `count` populations.
@@ -61,19 +61,19 @@ def _evolve(
 ) -> Float[Array, "populations d"]:
     limits, count = problem.limits, _POPULATIONS
 
-    def coordinates(dwells: Dwells) -> Float[Array, " d"]:
+    def coordinates(dwells: Arcs) -> Float[Array, " d"]:
         return space.coordinates(jerk_of(dwells, limits, space))
 
-    def merit(dwells: Dwells) -> Scalar:
+    def merit(dwells: Arcs) -> Scalar:
         return problem.merit(space.trajectory(coordinates(dwells)), _SMOOTHING)
 
-    def merits(dwells: Dwells) -> Float[Array, "populations members"]:
+    def merits(dwells: Arcs) -> Float[Array, "populations members"]:
         flat = jax.tree.map(lambda x: x.reshape(-1, _DWELLS), dwells)
         return jax.lax.map(merit, flat, batch_size=16).reshape(count, MEMBERS)
 
     def generation(
-        carry: tuple[Dwells, Float[Array, "populations members"]], key: PRNGKeyArray
-    ) -> tuple[tuple[Dwells, Float[Array, "populations members"]], None]:
+        carry: tuple[Arcs, Float[Array, "populations members"]], key: PRNGKeyArray
+    ) -> tuple[tuple[Arcs, Float[Array, "populations members"]], None]:
         """Each member, or a better one of its population, has a child that may replace it."""
         members, values = carry
         u = jax.random.uniform(key, (*values.shape, 2 + _CHOICES))
@@ -93,14 +93,14 @@ def _evolve(
 
     keys = jax.random.split(key, generations + 1)
     u = jax.random.uniform(keys[0], (4, count, MEMBERS, _DWELLS))
-    members = Dwells(_random_speed(u[0], u[1], u[2], limits), -jnp.log1p(-u[3]))
+    members = Arcs(_random_speed(u[0], u[1], u[2], limits), -jnp.log1p(-u[3]))
     unknown = jnp.full((count, MEMBERS), jnp.inf)  # so that every first child is taken
     (members, values), _ = jax.lax.scan(generation, (members, unknown), keys[1:])
     best = _take(members, jnp.argmin(values, axis=1)[:, None])
     return jax.vmap(lambda one: coordinates(jax.tree.map(lambda x: x[0], one)))(best)
 
 
-def jerk_of(dwells: Dwells, limits: Limits, space: MotionSpace) -> Float[Array, " n"]:
+def jerk_of(dwells: Arcs, limits: Limits, space: MotionSpace) -> Float[Array, " n"]:
     """The jerk of a motion of dwells, from the start's speed and back to rest.
 
     Every change of speed is as fast as whole intervals and the limits allow: r intervals of jerk, c
@@ -133,7 +133,7 @@ def jerk_of(dwells: Dwells, limits: Limits, space: MotionSpace) -> Float[Array, 
     return jnp.diff(jax.vmap(acceleration)(jnp.arange(space.durations.size + 1.0))) / period
 
 
-def _child(u: Float[Array, " choices"], parent: Dwells, mate: Dwells, limits: Limits) -> Dwells:
+def _child(u: Float[Array, " choices"], parent: Arcs, mate: Arcs, limits: Limits) -> Arcs:
     """The parent with other shares, with another speed, continued as its mate, or two swapped."""
     speeds, shares = parent
     i, j = _choice(u[0], _DWELLS), _choice(u[1], _DWELLS)
@@ -143,10 +143,10 @@ def _child(u: Float[Array, " choices"], parent: Dwells, mate: Dwells, limits: Li
     tuned = jnp.clip(speeds.at[i].multiply(factors[i]), *limits.velocity)
     first = jnp.arange(_DWELLS) < i
     kinds = (
-        Dwells(speeds, shares * factors),
-        Dwells(speeds, shares.at[i].add(-moved).at[j].add(moved)),
-        Dwells(speeds.at[i].set(_random_speed(u[4], u[5], u[6], limits)), shares),
-        Dwells(tuned, shares),
+        Arcs(speeds, shares * factors),
+        Arcs(speeds, shares.at[i].add(-moved).at[j].add(moved)),
+        Arcs(speeds.at[i].set(_random_speed(u[4], u[5], u[6], limits)), shares),
+        Arcs(tuned, shares),
         jax.tree.map(lambda a, b: jnp.where(first, a, b), parent, mate),
         jax.tree.map(lambda x: x.at[i].set(x[j]).at[j].set(x[i]), parent),
     )
@@ -166,5 +166,5 @@ def _choice(u: Array, count: int) -> Array:
     return jnp.floor(u * count).astype(int)
 
 
-def _take(members: Dwells, which: Array) -> Dwells:
+def _take(members: Arcs, which: Array) -> Arcs:
     return jax.tree.map(lambda x: jnp.take_along_axis(x, which[..., None], axis=1), members)

@@ -74,7 +74,7 @@ def descend(
         count: of stages.
         steps: of gradient descent per stage.
     """
-    shapes = jax.eval_shape(jax.vmap(lambda z: problem.excess(space.trajectory(z))), z)
+    shapes = jax.eval_shape(jax.vmap(lambda z: problem.violations(space.trajectory(z))), z)
     lanes = _Lanes(z, jax.tree.map(lambda c: jnp.zeros(c.shape, c.dtype), shapes))
     for k, stage in enumerate(stages(count)):
         if k and lanes.z.shape[0] > _BATCH:

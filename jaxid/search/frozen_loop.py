@@ -12,18 +12,18 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid.model.interval_arithmetic import Range, around, plus
-from jaxid.model.system import System, softened
+from jaxid.model.system import System, smoothed
 from jaxid.motion.acceleration_limit import input_demand
 from jaxid.motion.inequalities import Inequalities
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.motion.violation import Envelope, Prediction, axis_excess
+from jaxid.motion.violation import Envelope, Prediction, axis_violations
 
 _GROUPS = 4  # of ticks per interval of the motion, about: the worst of each gives a condition
 _BLEND = 0.02  # of the top speed: friction jumps faster than a step of a search can follow
 
 
-class Frozen(Prediction):
+class FrozenLoop(Prediction):
     """The axis adds to any motion what it was seen to add to one.
 
     Attributes:
@@ -43,16 +43,18 @@ class Frozen(Prediction):
         return Envelope(*(plus(a, b) for a, b in zip(asked, self.added, strict=True)))
 
 
-def frozen(axis: Prediction, limits: Limits, trajectory: JerkTrajectory) -> Frozen:
+def freeze(axis: Prediction, limits: Limits, trajectory: JerkTrajectory) -> FrozenLoop:
     """What an axis adds to this motion, to be added to others near to it."""
     found = axis(trajectory)
-    model = softened(axis.system, _BLEND * jnp.max(jnp.abs(limits.velocity)))
+    model = smoothed(axis.system, _BLEND * jnp.max(jnp.abs(limits.velocity)))
     asked = _asked(model, trajectory, found.input.lower.size)
     added = jax.tree.map(lambda whole, part: whole - part, found, asked)
-    return Frozen(model, added)
+    return FrozenLoop(model, added)
 
 
-def perfect(system: System, ticks: int, margins: tuple[float, float, float, float]) -> Frozen:
+def fixed_margins(
+    system: System, ticks: int, margins: tuple[float, float, float, float]
+) -> FrozenLoop:
     """An axis that follows its motion but for given margins: plan by the input limit, not by (18).
 
     Args:
@@ -61,11 +63,11 @@ def perfect(system: System, ticks: int, margins: tuple[float, float, float, floa
         margins: of position, velocity, input and input rate, in their units.
     """
     widths = [jnp.full(ticks, margin) for margin in margins]
-    return Frozen(system, Envelope(*(around(width) for width in widths)))
+    return FrozenLoop(system, Envelope(*(around(width) for width in widths)))
 
 
 def axis_conditions(
-    planned: Inequalities, limits: Limits, axis: Frozen, trajectory: JerkTrajectory
+    planned: Inequalities, limits: Limits, axis: FrozenLoop, trajectory: JerkTrajectory
 ) -> Inequalities:
     """The conditions of a motion and, linearised there, those of the axis.
 
@@ -89,13 +91,13 @@ def axis_conditions(
 
 @eqx.filter_jit
 def _linearised(
-    limits: Limits, axis: Frozen, trajectory: JerkTrajectory
+    limits: Limits, axis: FrozenLoop, trajectory: JerkTrajectory
 ) -> tuple[Float[Array, " conditions"], Float[Array, "conditions n"]]:
     """The worst of each group of ticks for each limit, and its slopes over the jerk."""
 
     def excess(jerk: Float[Array, " n"]) -> Float[Array, " conditions"]:
         moved = eqx.tree_at(lambda t: t.jerk, trajectory, jerk)
-        sides = axis_excess(limits, axis(moved))
+        sides = axis_violations(limits, axis(moved))
         return jnp.concatenate([_worst_of_groups(side, _GROUPS * jerk.size) for side in sides])
 
     return excess(trajectory.jerk), jax.jacfwd(excess)(trajectory.jerk)

@@ -16,9 +16,9 @@ from jaxtyping import Array, Float
 from jaxid._types import Scalar
 from jaxid.motion.motion_space import MotionSpace, motion_space
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.search.frozen_loop import frozen
+from jaxid.search.frozen_loop import freeze
 from jaxid.search.problem import Multipliers, Problem
-from jaxid.search.restoration import inside
+from jaxid.search.restoration import interior_motion
 from jaxid.search.slp import polish, repaired
 
 _ROUNDED = 1e-9  # of the objective: less is no improvement
@@ -77,7 +77,7 @@ def refine(
             axis.
     """
     intervals, period = start.jerk.size, float(start.durations[0])
-    deep = inside(problem, intervals, period)
+    deep = interior_motion(problem, intervals, period)
     space = motion_space(problem.limits, problem.boundary, intervals, period)
     best = repaired(problem, deep, start)
     history = [float(problem.value(best))]
@@ -104,7 +104,7 @@ def _still(problem: Problem, trajectory: JerkTrajectory) -> Problem:
     """The problem with what the axis adds to its motion taken as fixed: limits need no loop."""
     if problem.axis is None:
         return problem
-    axis = frozen(problem.axis, problem.limits, trajectory)
+    axis = freeze(problem.axis, problem.limits, trajectory)
     return eqx.tree_at(lambda p: p.axis, problem, axis)
 
 
@@ -141,6 +141,6 @@ def _quasi_newton(
         z = jax.lax.scan(step, (z, method.init(z)), length=effort.steps)[0][0]
         return (z, problem.pushed(space.trajectory(z), multipliers, penalty)), None
 
-    nothing = jax.tree.map(jnp.zeros_like, problem.excess(space.trajectory(z)))
+    nothing = jax.tree.map(jnp.zeros_like, problem.violations(space.trajectory(z)))
     (z, _), _ = jax.lax.scan(round_of_steps, (z, nothing), length=effort.rounds)
     return z

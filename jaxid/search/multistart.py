@@ -16,11 +16,11 @@ from jaxid._types import Scalar
 from jaxid.motion.motion_space import MotionSpace, motion_space
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
-from jaxid.search.arc_structures import evolved
+from jaxid.search.arc_structures import evolve_arcs
 from jaxid.search.augmented_lagrangian import LAST_SMOOTHING, descend
 from jaxid.search.initial_guesses import grown, random_starts, rearranged
 from jaxid.search.problem import Objective, Problem
-from jaxid.search.restoration import inside, walk
+from jaxid.search.restoration import interior_motion, restored
 from jaxid.search.slp import SMOOTHINGS, polish
 
 Report = Callable[[str], None]
@@ -107,7 +107,7 @@ def design(
         InfeasibleError: if no motion of this length keeps the limits.
     """
     problem, (limits, boundary, intervals, period, _, size) = Problem.of(task, objective), task
-    deep = inside(problem, intervals, period, size)
+    deep = interior_motion(problem, intervals, period, size)
     space = motion_space(limits, boundary, intervals, period, size)
     first, *keys = jax.random.split(key, effort.rounds + 1)
     report("evolution of dwells")
@@ -172,7 +172,7 @@ def _first_starts(
     dwells = made - copies if effort.generations else 0
     parts = [random_starts(keys[0], space, effort.starts - dwells - copies)]
     if dwells:
-        parts.append(evolved(keys[1], problem, space, dwells, effort.generations))
+        parts.append(evolve_arcs(keys[1], problem, space, dwells, effort.generations))
     if copies:
         assert shorter is not None
         parts.append(grown(keys[2], space, [trimmed(shorter).jerk], intervals, copies))
@@ -191,7 +191,7 @@ def _admissible(
     """The starts walked back into the limits, best first."""
 
     def one(z: Float[Array, " d"]) -> tuple[JerkTrajectory, Scalar]:
-        found = walk(problem, deep, space.trajectory(z))
+        found = restored(problem, deep, space.trajectory(z))
         return found, problem.objective(found, jnp.asarray(LAST_SMOOTHING))
 
     return _sorted(_Pool(*jax.vmap(one)(z)))

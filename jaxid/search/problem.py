@@ -11,7 +11,7 @@ from jaxid._types import Scalar
 from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.motion.violation import Prediction, axis_excess, excess, worst_excess
+from jaxid.motion.violation import Prediction, axis_violations, violations, worst_violation
 
 Objective = Callable[[JerkTrajectory, Scalar], Scalar]
 _MERIT_PENALTY = 100.0  # as hard as the walls of the last stage of a descent
@@ -23,7 +23,7 @@ class Problem(eqx.Module):
 
     Attributes:
         objective: of a trajectory and a smoothing.
-        limits: c ≤ 0 for each entry of `excess`, in half-widths.
+        limits: c ≤ 0 for each entry of `violations`, in half-widths.
         boundary: its inequalities count as well; its equalities are built into the motions.
         axis: what the axis does along a motion, if the limits are to hold for it too.
     """
@@ -38,19 +38,19 @@ class Problem(eqx.Module):
         """A task with something to minimise."""
         return cls(objective, task.limits, task.boundary, task.axis)
 
-    def excess(self, trajectory: JerkTrajectory) -> Multipliers:
+    def violations(self, trajectory: JerkTrajectory) -> Multipliers:
         """How far each condition is exceeded, in half-widths."""
-        planned = excess(self.limits, self.boundary, trajectory)
+        planned = violations(self.limits, self.boundary, trajectory)
         if self.axis is None:
             return planned
-        return (*planned, *axis_excess(self.limits, self.axis(trajectory)))
+        return (*planned, *axis_violations(self.limits, self.axis(trajectory)))
 
     @eqx.filter_jit
     def violation(self, trajectory: JerkTrajectory) -> Scalar:
         """The largest, in half-widths: of the motion at all times, of the axis tick by tick."""
-        worst = worst_excess(self.limits, self.boundary, trajectory)
+        worst = worst_violation(self.limits, self.boundary, trajectory)
         if self.axis is not None:
-            sides = axis_excess(self.limits, self.axis(trajectory))
+            sides = axis_violations(self.limits, self.axis(trajectory))
             worst = jnp.maximum(worst, jnp.max(jnp.stack([jnp.max(side) for side in sides])))
         return worst
 
@@ -63,7 +63,7 @@ class Problem(eqx.Module):
         self, trajectory: JerkTrajectory, multipliers: Multipliers, penalty: Scalar
     ) -> Multipliers:
         """max(0, λ + ρc) for each condition c ≤ 0 (Rockafellar 1973)."""
-        c = self.excess(trajectory)
+        c = self.violations(trajectory)
         return jax.tree.map(lambda m, c: jnp.maximum(0.0, m + penalty * c), multipliers, c)
 
     def lagrangian(
@@ -80,7 +80,7 @@ class Problem(eqx.Module):
 
     def merit(self, trajectory: JerkTrajectory, smoothing: float) -> Scalar:
         """What motions are compared by that need not keep the limits yet; inf where undefined."""
-        nothing = jax.tree.map(jnp.zeros_like, self.excess(trajectory))
+        nothing = jax.tree.map(jnp.zeros_like, self.violations(trajectory))
         penalty, smooth = jnp.asarray(_MERIT_PENALTY), jnp.asarray(smoothing)
         value = self.lagrangian(trajectory, nothing, penalty, smooth)
         return jnp.nan_to_num(value, nan=jnp.inf)

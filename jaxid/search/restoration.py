@@ -21,7 +21,7 @@ _CLOSE = 1e-4  # of the room of the motion that is walked back to: no need to co
 _ROOMY = 0.02  # half-widths of every limit: a motion to walk back to needs no more
 
 
-def inside(
+def interior_motion(
     problem: Problem, intervals: int, period: float, size: int | None = None
 ) -> JerkTrajectory:
     """A motion strictly inside all limits.
@@ -61,7 +61,7 @@ def inside(
 
 
 @eqx.filter_jit
-def walk(problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory) -> JerkTrajectory:
+def restored(problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory) -> JerkTrajectory:
     """The last admissible motion on the way from a strictly admissible one to `candidate`.
 
     The admissible motions are a convex set, so the share of the way is found by bisection, to the

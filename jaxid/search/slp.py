@@ -15,10 +15,10 @@ from jaxtyping import Array, Float
 from jaxid._types import Scalar
 from jaxid.motion.inequalities import Inequalities, inequalities
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
-from jaxid.search.frozen_loop import axis_conditions, frozen
+from jaxid.search.frozen_loop import axis_conditions, freeze
 from jaxid.search.linear_programs import Point, Vector, linear_step
 from jaxid.search.problem import Objective, Problem
-from jaxid.search.restoration import ROUNDING, stepped_back, walk
+from jaxid.search.restoration import ROUNDING, restored, stepped_back
 
 # Of the objective, one after the other: without the first the programs stall on corners earlier
 # (0.1 % of the motor's J), and after the second the rounded J is within 0.02 % of the exact one.
@@ -48,7 +48,7 @@ def polish(
     for smoothing in smoothings:
         found = _descend(problem, inside, found, smoothing, steps)
         if problem.axis is None:
-            found = walk(problem, inside, found)
+            found = restored(problem, inside, found)
     return found
 
 
@@ -123,7 +123,7 @@ def _around(problem: Problem, planned: Inequalities, trajectory: JerkTrajectory)
     if problem.axis is None:
         return planned
     motion = trimmed(trajectory)
-    still = frozen(problem.axis, problem.limits, motion)
+    still = freeze(problem.axis, problem.limits, motion)
     return axis_conditions(planned, problem.limits, still, motion).tightened(_SPARE)
 
 
