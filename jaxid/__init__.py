@@ -23,9 +23,10 @@ from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.design.guaranteed_criterion import GuaranteedError
 from jaxid.design.nominal_log import nominal_log
 from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed, design_motion
-from jaxid.identification.falsification import louder, smallest_disturbance_factor, smallest_factor
+from jaxid.identification.assumptions import assumptions
+from jaxid.identification.falsification import smallest_disturbance_factor, smallest_factor
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set
-from jaxid.identification.intervals import Guarantee, assumptions, identify_log, identify_logs
+from jaxid.identification.identify import Identification, identify
 from jaxid.identification.regression_rows import exact_rows
 from jaxid.identification.state_bounds import StateBounds, state_bounds
 from jaxid.identification.unidentifiable import unidentifiable_directions
@@ -50,7 +51,7 @@ from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate, estimate
 from jaxid.regression.estimators import ESTIMATORS, Estimator, Filtered, LeastSquares, Minimax
-from jaxid.regression.filtered_least_squares import identify
+from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.lower_bound import LowerBound, lower_bound
 from jaxid.regression.minimax import Optimum, minimax
 from jaxid.regression.worst_case import Norm, infinity
@@ -78,10 +79,10 @@ __all__ = [
     "FeasibleSet",
     "Filtered",
     "FilteredError",
-    "Guarantee",
     "GuaranteedEffort",
     "GuaranteedError",
     "IdealSensor",
+    "Identification",
     "InconsistentLogError",
     "InfeasibleError",
     "JerkTrajectory",
@@ -127,13 +128,11 @@ __all__ = [
     "evaluate",
     "exact_rows",
     "feasible_set",
+    "filtered_least_squares",
     "identify",
-    "identify_log",
-    "identify_logs",
     "infinity",
     "joined",
     "log_of",
-    "louder",
     "lower_bound",
     "margins",
     "minimax",

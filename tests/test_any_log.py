@@ -94,8 +94,7 @@ def test_a_servo_of_any_rate(tmp_path, rate, knot):
     rows = np.delete(rows, n // 3, axis=0)
     rows = np.insert(rows, n // 2, rows[n // 2], axis=0)
     np.savetxt(tmp_path / "log.txt", rows, fmt="%.12g")
-    found = identify_axis(axis, read_log(tmp_path / "log.txt", axis.columns)).proved
-    assert found.contradiction is None
+    found = identify_axis(axis, read_log(tmp_path / "log.txt", axis.columns)).result
     truth = np.array(TRUTH)
     assert np.all((found.estimate.lower <= truth) & (found.estimate.upper >= truth))
     assert np.all((found.lower <= truth) & (found.upper >= truth))
@@ -117,6 +116,6 @@ def test_a_large_unknown_force_is_found_at_a_slow_rate_too(tmp_path):
     force = np.asarray(push) + 60.0 * np.asarray(states.position)
     rows = np.stack([1e3 * period * np.arange(at.size), 1e3 * read, force / NEWTONS], 1)
     np.savetxt(tmp_path / "log.txt", rows, fmt="%.12g")
-    found = identify_axis(axis, read_log(tmp_path / "log.txt", axis.columns)).proved
-    assert found.estimate is None
-    assert found.factor > 1.2
+    found = identify_axis(axis, read_log(tmp_path / "log.txt", axis.columns))
+    assert found.result is None
+    assert found.inconsistency.factor > 1.2

@@ -20,7 +20,7 @@ from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant
 from jaxid.motion.task import Task
 from jaxid.motion.violation import worst_violation
-from jaxid.regression.filtered_least_squares import identify
+from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.filters import adjoint, filtered
 from jaxid.regression.worst_case import least_squares
 from jaxid.search.multistart import Effort
@@ -47,7 +47,7 @@ def test_from_design_to_identified_interval(key):
     record, signals = run(arm.plant(), law, sensor, trajectory, arm.CONTROL_PERIOD)
     error = signals.position[:-1] - signals.reference.position
     assert jnp.max(jnp.abs(error)) < 0.02
-    estimate = identify(record, system, W, arm.CONTROL_PERIOD)
+    estimate = filtered_least_squares(record, system, W, arm.CONTROL_PERIOD)
     truth = jnp.asarray(arm.TRUE_PARAMETERS)
     assert jnp.all((estimate.lower <= truth) & (truth <= estimate.upper))
     np.testing.assert_allclose(estimate.bound, star, rtol=0.15)
@@ -60,7 +60,7 @@ def test_from_design_to_identified_interval(key):
         record, _ = run(
             Plant(system, theta, worst), pd, IdealSensor(), trajectory, arm.CONTROL_PERIOD
         )
-        estimate = identify(record, system, W, arm.CONTROL_PERIOD)
+        estimate = filtered_least_squares(record, system, W, arm.CONTROL_PERIOD)
         assert jnp.all(jnp.abs(estimate.theta - theta) <= estimate.bound * (1 + 1e-9))
 
 

@@ -11,8 +11,9 @@ from experiments.axes import linear_motor as motor
 from jaxid.axis import cli
 from jaxid.axis.file import example, read_axis
 from jaxid.axis.identify import FILES, identify_axis
-from jaxid.identification import batches as stretches
-from jaxid.identification.intervals import identify_logs
+from jaxid.identification import identify as door
+from jaxid.identification.batches import knots_by_length
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io.files import read_trajectory
 from jaxid.io.log_file import Recorded
 from jaxid.io.segments import steady_segments
@@ -73,7 +74,7 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     said = capsys.readouterr().out
     assert f"of {len(rows)} rows: 1–700, 701–1180, 1182–2001, 2002–{len(rows)}" in said
     assert "acts as commanded, 2 periods later" in said
-    assert "It is long" not in said
+    assert "Long log" not in said
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     assert sorted(FILES) == sorted(path.name for path in (tmp_path / "out").iterdir())
     assert found["consistent"]
@@ -89,7 +90,7 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     recorded = Recorded(time * 1e-3, q * 1e-6, u * -0.5)
     pieces = steady_segments(recorded, axis.servo.period, axis.servo.resolution, DELAY)
     logs = [piece.log for piece in pieces]
-    own = identify_logs(axis.system, logs, stretches.shared(1000, logs))
+    own = guaranteed_intervals(axis.system, logs, knots_by_length(1000, logs))
     bounds = [one["bound"] for one in found["parameters"].values()]
     np.testing.assert_allclose(bounds, own.estimate.bound, rtol=1e-9)
     assert bounds[0] < 0.0039  # the whole log proves 0.0036
@@ -105,7 +106,7 @@ def test_a_log_with_a_large_unknown_force_is_falsified(tmp_path, log, capsys):
     with pytest.raises(SystemExit) as stopped:
         cli.main(["identify", *written(tmp_path, rows)])
     assert stopped.value.code == 3
-    assert "contradicts the axis" in capsys.readouterr().out
+    assert "Inconsistent log." in capsys.readouterr().out
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     assert not found["consistent"]
     assert 1.0 < found["least_factor_of_disturbance_bound"] < 0.75 / 0.15
@@ -119,7 +120,7 @@ def test_what_no_disturbance_explains_is_a_contradiction_too(tmp_path, log, caps
     with pytest.raises(SystemExit) as stopped:
         cli.main(["identify", *written(tmp_path, rows)])
     assert stopped.value.code == 3
-    sentence = "1000 times δ or more would be needed: an input, a unit or a sign must be wrong."
+    sentence = "at least 1000·δ; an input, a unit or a sign must be wrong."
     assert sentence in capsys.readouterr().out
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     assert sentence in found["contradiction"]
@@ -132,11 +133,11 @@ def test_a_contradiction_of_the_second_reading_is_one_too(tmp_path, log, monkeyp
     def refused(*arguments):
         raise InconsistentLogError("no M in its prior interval can have left it.")
 
-    monkeypatch.setattr(stretches, "identify_logs", refused)
+    monkeypatch.setattr(door, "guaranteed_intervals", refused)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["identify", *written(tmp_path, rows_of(log)[:600])])
     assert stopped.value.code == 3
-    assert "contradicts the axis. no M in its prior" in capsys.readouterr().out
+    assert "Inconsistent log. no M in its prior" in capsys.readouterr().out
     assert not json.loads((tmp_path / "out" / "result.json").read_text())["consistent"]
 
 
@@ -150,7 +151,7 @@ def test_a_record_that_cannot_tell_two_parameters_apart_says_so(tmp_path, capsys
     cli.main(["identify", *written(tmp_path, rows)])
     said = capsys.readouterr().out
     found = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert "M cannot be told apart" in said
+    assert "M is not identifiable from this log" in said
     assert {"M", "B", "Fc"} <= found["not_told_apart"].keys()
     assert found["parameters"]["M"]["possible"] == found["parameters"]["M"]["prior"]
     assert found["parameters"]["M"]["least_squares"] is None
@@ -195,9 +196,9 @@ def test_a_log_of_any_motion_will_do(tmp_path):
     (tmp_path / "axis.toml").write_text(example("linear"))
     recorded = Recorded(None, np.asarray(log.position)[:-1], np.asarray(log.input))
     found = identify_axis(read_axis(tmp_path / "axis.toml"), recorded)
-    assert np.all((found.proved.lower <= TRUTH) & (found.proved.upper >= TRUTH))
-    assert found.proved.factor < 1
-    assert found.proved.stretches == 1
+    assert np.all((found.result.lower <= TRUTH) & (found.result.upper >= TRUTH))
+    assert found.result.disturbance_factor < 1
+    assert found.result.batches == 1
     # what is left of the input is not more than δ but for what least squares shift
     assert np.max(np.abs(found.fit.rest)) < 2 * 0.25
     assert np.max(np.abs(found.fit.velocity)) == pytest.approx(

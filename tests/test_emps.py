@@ -9,7 +9,7 @@ import pytest
 from experiments.axes import emps
 from jaxid.design.evaluation import evaluate
 from jaxid.identification.falsification import smallest_disturbance_factor
-from jaxid.identification.intervals import identify_log
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.servo import Servo
 from jaxid.motion.acceleration_limit import acceleration_limit
@@ -47,7 +47,7 @@ def test_the_intervals_in_the_table_are_those_of_the_record(recorded, table):
         ("friction by direction", emps.by_direction),
     ):
         rows = [row for row in table if row["model"] == model and row["rows"] == "lap 3"]
-        found = identify_log(axis(float(rows[0]["delta_N"])), log, emps.KNOTS).estimate
+        found = guaranteed_intervals(axis(float(rows[0]["delta_N"])), [log], emps.KNOTS).estimate
         for k, row in enumerate(rows):
             assert float(row["lower"]) == pytest.approx(float(found.lower[k]), rel=1e-6)
             assert float(row["upper"]) == pytest.approx(float(found.upper[k]), rel=1e-6)

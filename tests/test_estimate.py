@@ -16,7 +16,7 @@ from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant, simulate
 from jaxid.motion.trajectory import reference
 from jaxid.regression.estimate import least_squares_estimate
-from jaxid.regression.filtered_least_squares import identify
+from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.filters import adjoint, filtered
 from jaxid.regression.worst_case import least_squares
 
@@ -33,7 +33,7 @@ def test_filtered_bound_is_within_two_per_cent_of_the_planned_one(name, index, f
     designed = read_trajectory(figures / f"trajectory_{name}.csv")
     sensor = Encoder(motor.ENCODER_RESOLUTION)
     record, _ = run(motor.plant(), motor.controller(), sensor, designed, PERIOD, 3)
-    estimate = identify(record, motor.system(), W, PERIOD)
+    estimate = filtered_least_squares(record, motor.system(), W, PERIOD)
     ratio = estimate.bound[index] / planned_error(motor.system(), designed)[index]
     assert abs(ratio - 1) < 0.02
 
@@ -43,7 +43,7 @@ def test_bandwidth_reproduces_the_known_cost_of_a_slow_filter(nominal, motion):
     star = planned_error(motor.system(), motion)[0]
     known = {30.0: 1.46, 50.0: 1.23, 100.0: 1.08, 300.0: 1.013, 1000.0: 1.007, 5000.0: 1.006}
     for w, expected in known.items():
-        ratio = identify(nominal[0], motor.system(), w, PERIOD).bound[0] / star
+        ratio = filtered_least_squares(nominal[0], motor.system(), w, PERIOD).bound[0] / star
         assert ratio == pytest.approx(expected, rel=0.06)
 
 
@@ -78,7 +78,7 @@ def test_no_truth_is_outside_for_a_thousand_random_plants(kind, nominal, motion)
 
 
 def test_intervals_stay_inside_the_prior_box_and_say_what_is_not_reduced(nominal):
-    estimate = identify(nominal[0], motor.system(), W, PERIOD)
+    estimate = filtered_least_squares(nominal[0], motor.system(), W, PERIOD)
     assert jnp.all(estimate.lower >= motor.system().lower)
     assert jnp.all(estimate.upper <= motor.system().upper)
     np.testing.assert_array_equal(estimate.reduced, [True, True, False, True])
@@ -87,7 +87,7 @@ def test_intervals_stay_inside_the_prior_box_and_say_what_is_not_reduced(nominal
 def test_single_precision_is_refused(nominal):
     single = jax.tree.map(lambda x: x.astype(jnp.float32), nominal[0])
     with pytest.raises(ValueError, match=r"`record` must be float64 .* but is float32"):
-        identify(single, motor.system(), W, PERIOD)
+        filtered_least_squares(single, motor.system(), W, PERIOD)
 
 
 def test_a_motion_that_tells_nothing_apart_is_refused():
@@ -99,4 +99,4 @@ def test_a_motion_that_tells_nothing_apart_is_refused():
     plant = Plant(motor.system(), motor.TRUE_PARAMETERS, Sequence(jnp.zeros(500)))
     record, _ = simulate(plant, still, IdealSensor(), rest, PERIOD)
     with pytest.raises(ValueError, match="cannot identify"):
-        identify(record, motor.system(), W, PERIOD)
+        filtered_least_squares(record, motor.system(), W, PERIOD)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from experiments._support.examples import Example, logged
 from experiments.axes import cart, pendulum
 from jaxid.identification.falsification import smallest_disturbance_factor
-from jaxid.identification.intervals import identify_log
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.disturbances import Moment
 from jaxid.motion.violation import worst_violation
@@ -113,7 +113,7 @@ def test_cogging_that_is_left_out_is_contradicted(figures):
     left_out = cart.in_delta(cart.REST)
     assert smallest_disturbance_factor(left_out, [log], cart.KNOTS) > 2
     with pytest.raises(ValueError, match="contradict each other around tick"):
-        identify_log(left_out, log)
+        guaranteed_intervals(left_out, [log])
 
 
 @given(position=st.floats(-10.0, 10.0), velocity=st.floats(-10.0, 10.0))

@@ -10,9 +10,9 @@ import pytest
 from scipy.optimize import OptimizeResult, linprog
 
 from experiments.axes import linear_motor as motor
-from jaxid.identification.falsification import louder, smallest_factor
+from jaxid.identification.falsification import smallest_factor
 from jaxid.identification.feasible_parameter_set import MOST, feasible_set, projection
-from jaxid.identification.intervals import identify_log
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.regression_rows import exact_rows, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.identification.unidentifiable import unidentifiable_directions
@@ -157,13 +157,13 @@ def experiment(motion):
 
 def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
     log, share = experiment
-    found = identify_log(SYSTEM, log)
-    rows = found.logged.record.rows
+    found = guaranteed_intervals(SYSTEM, [log])
+    rows = found.rows.record.rows
     others = [
-        guaranteed_estimate(found.logged, estimator(rows, SYSTEM.half_widths))
+        guaranteed_estimate(found.rows, estimator(rows, SYSTEM.half_widths))
         for estimator in ESTIMATORS.values()
     ]
-    left = feasible_set(found.logged, [found.estimate, *others], knots=75)
+    left = feasible_set(found.rows, [found.estimate, *others], knots=75)
     truth = np.asarray(motor.TRUE_PARAMETERS)
     assert np.all(left.lower <= truth)
     assert np.all(truth <= left.upper)
@@ -172,13 +172,13 @@ def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
         assert np.all(left.upper <= other.upper)
     share_left = (left.upper - left.lower) / 2 / found.estimate.half_length
     assert np.mean(share_left) < 0.9
-    corners = projection(found.logged, "M", "B", knots=75)
-    alone = feasible_set(found.logged, knots=75)
+    corners = projection(found.rows, "M", "B", knots=75)
+    alone = feasible_set(found.rows, knots=75)
     np.testing.assert_allclose(corners.max(axis=0), alone.upper[:2], rtol=1e-3)
     np.testing.assert_allclose(corners.min(axis=0), alone.lower[:2], rtol=1e-3)
 
     def louder_rows(factor):
-        system = louder(SYSTEM, factor)
+        system = SYSTEM.with_scaled_disturbance(factor)
         return hats(system, log, state_bounds(system, log))
 
     # the true plant disturbed itself by no more than this share

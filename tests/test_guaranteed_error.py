@@ -11,7 +11,7 @@ from jaxid.design import optimal_motion as motion_design
 from jaxid.design.guaranteed_criterion import GuaranteedError, expected_error
 from jaxid.design.nominal_log import nominal_log
 from jaxid.design.nominal_log import nominal_log_model as of_servo
-from jaxid.identification.intervals import identify_log, narrowed
+from jaxid.identification.intervals import guaranteed_intervals, narrowed
 from jaxid.io.files import read_trajectory
 from jaxid.motion.task import Task
 from jaxid.motion.violation import worst_violation
@@ -28,7 +28,9 @@ FLOOR = jnp.array([0.003375, 0.15842, 0.16690, 0.15])
 
 def made(start, servo, largest=True):
     system = motor.system()
-    narrow = narrowed(system, identify_log(system, nominal_log(system, start, servo), 100).estimate)
+    narrow = narrowed(
+        system, guaranteed_intervals(system, [nominal_log(system, start, servo)], 100).estimate
+    )
     nominal_log_model = of_servo(system, start, servo)
     return GuaranteedError(system, narrow, nominal_log_model, FLOOR, 2.0, largest, 100)
 
@@ -45,7 +47,9 @@ def objective(start):
 
 def expected(trajectory, servo=FOLLOWING):
     system = motor.system()
-    return identify_log(system, nominal_log(system, trajectory, servo)).estimate.half_length
+    return guaranteed_intervals(
+        system, [nominal_log(system, trajectory, servo)]
+    ).estimate.half_length
 
 
 @pytest.mark.parametrize("servo", [FOLLOWING, CONTROLLED], ids=["following", "controlled"])
@@ -58,7 +62,9 @@ def test_its_errors_are_those_that_the_log_of_the_motion_would_prove(start, serv
 def test_without_smoothing_they_are_exactly_those(objective, start):
     """With the same knots; 3.4e-6 is left where several weights are best for the program."""
     system = motor.system()
-    proved = identify_log(system, nominal_log(system, start, FOLLOWING), 100).estimate.bound
+    proved = guaranteed_intervals(
+        system, [nominal_log(system, start, FOLLOWING)], 100
+    ).estimate.bound
     np.testing.assert_allclose(objective.errors(start, jnp.zeros(())), proved, rtol=1e-5)
 
 

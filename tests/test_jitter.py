@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.assumptions import assumptions
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.io.setpoints import sampled
 from jaxid.loop.log import Log
@@ -84,7 +85,7 @@ def test_what_is_proved_of_a_log_with_jitter_is_true(motion, key, share, left):
         inside = (tick >= 0) & (tick < log.input.size)
         low, high = (np.asarray(end)[tick[inside]] for end in velocity)
         assert np.all((low <= speeds[inside]) & (speeds[inside] <= high))
-        found = identify_log(system, log).estimate
+        found = guaranteed_intervals(system, [log]).estimate
         assert np.all((found.lower <= theta) & (theta <= found.upper))
         lengths.append(found.half_length / system.half_widths)
     assert np.max(lengths, axis=0)[0] < left
@@ -96,7 +97,7 @@ def test_a_log_with_jitter_that_is_read_without_it_is_refused_or_wrong(motion, k
     system = motor.system()
     for theta, read, input, *_ in zip(*experiments(key, motion, share * H), strict=True):
         try:
-            found = identify_log(system, log_of(read, input, 0.0)).estimate
+            found = guaranteed_intervals(system, [log_of(read, input, 0.0)]).estimate
         except ValueError:
             continue
         assert not np.all((found.lower <= theta) & (theta <= found.upper))
@@ -106,7 +107,7 @@ def test_jitter_costs_nothing_where_there_is_none_and_is_said_otherwise(motion, 
     _, read, input, *_ = experiments(key, motion, 0.0)
     log = log_of(read[0], input[0], 0.0)
     plain = eqx.tree_at(lambda x: x.outer, log, None)
-    one, other = (identify_log(motor.system(), x).estimate.bound for x in (log, plain))
+    one, other = (guaranteed_intervals(motor.system(), [x]).estimate.bound for x in (log, plain))
     assert np.array_equal(one, other)
     assert not any("too late" in sentence for sentence in assumptions(motor.system(), log))
     late = eqx.tree_at(lambda x: x.jitter, log, jnp.asarray(2e-5))

@@ -10,8 +10,9 @@ import pytest
 from conftest import uniform_in_box
 
 from experiments.axes import linear_motor as motor
+from jaxid.identification.assumptions import assumptions
 from jaxid.identification.feasible_parameter_set import feasible_set
-from jaxid.identification.intervals import assumptions, identify_log, identify_logs
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.joined_rows import join_rows
 from jaxid.identification.modulating_functions import Program, pieces
 from jaxid.identification.regression_rows import boxes, exact_rows, guaranteed_estimate, hats
@@ -74,14 +75,14 @@ def test_any_weights_mean_what_they_mean_log_by_log(way, logs, key):
 
 def test_together_they_prove_more_than_each(logs):
     """Of every parameter what the better one proves, and of B more."""
-    alone = [identify_log(SYSTEM, log, KNOTS) for log in logs]
-    together = identify_logs(SYSTEM, logs, KNOTS)
+    alone = [guaranteed_intervals(SYSTEM, [log], KNOTS) for log in logs]
+    together = guaranteed_intervals(SYSTEM, logs, KNOTS)
     best = jnp.minimum(*(found.estimate.bound for found in alone))
     assert np.all(together.estimate.bound <= best * (1 + 1e-6))
     assert float(together.estimate.bound[1]) < 0.998 * float(best[1])
-    left = feasible_set(together.logged, [together.estimate], KNOTS)
+    left = feasible_set(together.rows, [together.estimate], KNOTS)
     for found in alone:
-        own = feasible_set(found.logged, [found.estimate], KNOTS)
+        own = feasible_set(found.rows, [found.estimate], KNOTS)
         assert np.all(left.upper - left.lower <= (own.upper - own.lower) * (1 + 1e-6))
 
 
@@ -92,8 +93,8 @@ def test_a_lucky_log_is_not_diluted_by_others(figures):
     first, second = logs_of(figures, theta, disturbances)
     short = Log(first.input[:600], first.position[:601], first.period, first.resolution)
     for logs in ([short, second], [first, second], [second, first, short]):
-        alone = [identify_log(SYSTEM, log, KNOTS).estimate.bound for log in logs]
-        together = identify_logs(SYSTEM, logs, KNOTS).estimate.bound
+        alone = [guaranteed_intervals(SYSTEM, [log], KNOTS).estimate.bound for log in logs]
+        together = guaranteed_intervals(SYSTEM, logs, KNOTS).estimate.bound
         assert np.all(together <= jnp.min(jnp.stack(alone), axis=0) * (1 + 1e-9))
 
 
@@ -104,8 +105,8 @@ def test_no_truth_is_outside_of_what_they_prove_together(figures, key):
         keys, uniform_in_box(key, SYSTEM.lower, SYSTEM.upper, len(keys)), strict=True
     ):
         logs = logs_of(figures, theta, (random_shares(own, 3000), AgainstTracking(10.0)))
-        found = identify_logs(SYSTEM, logs, KNOTS)
-        left = feasible_set(found.logged, [found.estimate], KNOTS)
+        found = guaranteed_intervals(SYSTEM, logs, KNOTS)
+        left = feasible_set(found.rows, [found.estimate], KNOTS)
         assert np.all(jnp.abs(found.estimate.theta - theta) <= found.estimate.bound)
         assert np.all((left.lower <= theta) & (theta <= left.upper))
 
@@ -123,8 +124,8 @@ def test_a_log_in_pieces_proves_nearly_what_the_whole_proves(logs, seed):
         filled(Log(log.input[a:b], log.position[a : b + 1], log.period, log.resolution), n)
         for a, b in itertools.pairwise(cuts)
     ]
-    whole = identify_log(SYSTEM, log).estimate.bound
-    found = identify_logs(SYSTEM, pieces, KNOTS).estimate
+    whole = guaranteed_intervals(SYSTEM, [log]).estimate.bound
+    found = guaranteed_intervals(SYSTEM, pieces, KNOTS).estimate
     assert np.all(jnp.abs(found.theta - jnp.asarray(motor.TRUE_PARAMETERS)) <= found.bound)
     assert np.all(found.bound < 1.01 * whole)
 
@@ -132,8 +133,8 @@ def test_a_log_in_pieces_proves_nearly_what_the_whole_proves(logs, seed):
 def test_a_log_of_one_tick_takes_nothing_from_another(logs):
     log = logs[0]
     one = Log(log.input[:1], log.position[:2], log.period, log.resolution)
-    with_one = identify_logs(SYSTEM, [one, log], KNOTS).estimate.bound
-    alone = identify_log(SYSTEM, log, KNOTS).estimate.bound
+    with_one = guaranteed_intervals(SYSTEM, [one, log], KNOTS).estimate.bound
+    alone = guaranteed_intervals(SYSTEM, [log], KNOTS).estimate.bound
     # read twice more, with a box that is already small
     assert np.all((with_one <= alone) & (alone < with_one * (1 + 1e-5)))
 
@@ -145,7 +146,7 @@ def test_logs_of_two_motors_contradict_each_other(figures, logs):
     pair = [rows(hats, log) for log in (logs[0], other[0])]
     for single in pair:
         feasible_set(single, knots=KNOTS)
-    with pytest.raises(ValueError, match="no θ of the box can have left these data"):
+    with pytest.raises(ValueError, match="no θ of the prior box explains these data"):
         feasible_set(join_rows(pair), knots=KNOTS)
 
 
@@ -165,7 +166,7 @@ def test_what_cannot_be_joined_is_refused(logs):
     with pytest.raises(ValueError, match="`parts` must have one log at least"):
         join_rows([])
     with pytest.raises(ValueError, match="`logs` must hold one log at least of two ticks"):
-        identify_logs(SYSTEM, [])
+        guaranteed_intervals(SYSTEM, [])
     one, other = (rows(hats, log) for log in logs)
     narrow = eqx.tree_at(lambda s: s.terms[0].interval, SYSTEM, jnp.array([0.11, 0.13]))
     strange = eqx.tree_at(lambda x: x.system, other, narrow)
@@ -188,8 +189,8 @@ def test_another_log_widens_no_interval(figures):
     theta = jnp.array([0.18, 0.0, 0.0, -0.5])
     for number, kind in enumerate((NoDisturbance(), AgainstTracking(10.0), AgainstTracking(-10.0))):
         logs = logs_of(figures, theta, (kind, random_shares(jax.random.key(number), 3000)))
-        alone = [identify_log(SYSTEM, log, KNOTS).estimate for log in logs]
-        together = identify_logs(SYSTEM, logs, KNOTS).estimate
+        alone = [guaranteed_intervals(SYSTEM, [log], KNOTS).estimate for log in logs]
+        together = guaranteed_intervals(SYSTEM, logs, KNOTS).estimate
         for one in alone:
             assert np.all((one.lower <= together.lower) & (together.upper <= one.upper))
             assert np.all(together.bound <= one.bound)

@@ -9,8 +9,8 @@ from scipy.optimize import linprog
 
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
-from jaxid.identification.falsification import louder
-from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.assumptions import assumptions
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.modulating_functions import modulating
 from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
@@ -95,8 +95,8 @@ def test_brackets_are_worth_having(motion):
     ticks = round(float(motion.duration) / H)
     theta = jnp.asarray(motor.TRUE_PARAMETERS)
     log, _ = experiment(motor, motion, theta, motor.plant().disturbance, Q, H, ticks)
-    found = identify_log(motor.system(), log, knots=75)
-    v = state_bounds(found.logged.system, log).velocity
+    found = guaranteed_intervals(motor.system(), [log], knots=75)
+    v = state_bounds(found.rows.system, log).velocity
     assert np.median(v.upper - v.lower) / 2 < 3e-3
 
 
@@ -108,8 +108,8 @@ def test_a_log_that_nothing_can_have_left_is_refused(motion):
     with pytest.raises(ValueError, match=r"`log`: no plant .* contradict each other around tick"):
         state_bounds(motor.system(), jumped)
     pushed = eqx.tree_at(lambda x: x.input, log, log.input + 0.9)
-    with pytest.raises(ValueError, match=r"`log`: no .* in its prior interval can have left it"):
-        identify_log(motor.system(), pushed, knots=75)
+    with pytest.raises(ValueError, match="`logs`: they are inconsistent with the system"):
+        guaranteed_intervals(motor.system(), [pushed], knots=75)
     slow = eqx.tree_at(lambda x: x.period, log, jnp.asarray(0.5))
     with pytest.raises(ValueError, match=r"`log`: its period of 0.5 s is too long"):
         state_bounds(motor.system(), slow)
@@ -164,7 +164,7 @@ def test_the_bound_is_reached(quiet, k):
     """Exact sensor: 99 % of it, so that a bound 5 % smaller is wrong."""
     theta, signals, log = quiet
     system = motor.system()
-    logged = identify_log(system, log).logged
+    logged = guaranteed_intervals(system, [log]).rows
     weights = modulating(logged, system.half_widths)
     on_ticks = tick_weights(logged, weights[k])
     worst, bound = error_of(
@@ -190,7 +190,7 @@ def test_without_its_quantisation_the_bound_would_be_wrong(quiet, k):
     """The truth in the readings, the worst forces and the worst readings for the weights of one."""
     theta, signals, exact = quiet
     system = motor.system()
-    logged = identify_log(system, noisy(exact, 0.0)).logged
+    logged = guaranteed_intervals(system, [noisy(exact, 0.0)]).rows
     weights = modulating(logged, system.half_widths)
     spread = logged.channels["quantised ÿ"].stencil
     wrong = -jnp.sign(jnp.convolve(weights[k], spread))
@@ -226,7 +226,7 @@ def test_no_modulating_function_of_other_knots_or_filter_guarantees_more(quiet):
     """The program's weights are the best of their family, and beat those of the others by a lot."""
     _, _, log = quiet
     system = motor.system()
-    logged = identify_log(system, log).logged
+    logged = guaranteed_intervals(system, [log]).rows
     best = guaranteed_estimate(logged, modulating(logged, system.half_widths)).bound
     coarse = guaranteed_estimate(logged, modulating(logged, system.half_widths, knots=75)).bound
     # 6e-5 by what its objective leaves out; an exact sensor asks for more knots than an encoder
@@ -307,7 +307,7 @@ def test_rounding_far_from_zero_is_part_of_the_bound(quiet):
 def test_what_a_guarantee_rests_on_is_said(quiet):
     """Box, δ, hold, delay and encoder, with their numbers and units."""
     _, _, log = quiet
-    text = " ".join(assumptions(louder(motor.system(), 2.0), noisy(log, 0.0)))
+    text = " ".join(assumptions(motor.system().with_scaled_disturbance(2.0), noisy(log, 0.0)))
     for part in (
         "M in [0.08, 0.18] V s²/m",
         "2 times 0.25 V up to 0.1 m/s and 0.15 V above",
@@ -323,7 +323,9 @@ def test_what_a_guarantee_rests_on_is_said(quiet):
 def test_ticks_that_only_fill_the_arrays_up_change_nothing(quiet):
     system, (_, _, exact) = motor.system(), quiet
     log = noisy(exact, 1.0)
-    one, other = (identify_log(system, x) for x in (log, filled(log, log.input.size + 700)))
+    one, other = (
+        guaranteed_intervals(system, [x]) for x in (log, filled(log, log.input.size + 700))
+    )
     np.testing.assert_allclose(one.estimate.bound, other.estimate.bound, rtol=1e-12)
     np.testing.assert_allclose(one.estimate.theta, other.estimate.theta, rtol=1e-11)
     ranges = (state_bounds(system, x)[:3] for x in (log, filled(log, 4000)))
@@ -352,13 +354,13 @@ def test_without_its_sampling_terms_the_bound_would_be_wrong(term, motion):
     kept, delta, period = SAMPLING[term]
     whole = motor.system()
     system = eqx.tree_at(lambda s: s.terms, whole, tuple(whole.terms[k] for k in kept))
-    system = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(delta))
+    system = system.with_disturbance_bound(ConstantBound(delta))
     theta = jnp.array([0.11, 0.3, 0.2, -0.1])[jnp.array(kept)]
     desired = reference(motion, period, round(float(motion.duration) / period))
     plant = Plant(system, theta, NoDisturbance())
     _, signals = simulate(plant, motor.controller(), IdealSensor(), desired, period, SUBSTEPS)
     log = Log(signals.input, signals.position[::SUBSTEPS], period, 0.0)
-    logged = identify_log(system, log).logged
+    logged = guaranteed_intervals(system, [log]).rows
     bare = stripped(logged, delta, term)
     weights = modulating(bare, system.half_widths)
     wrong, right = guaranteed_estimate(bare, weights), guaranteed_estimate(logged, weights)

@@ -17,7 +17,7 @@ from jaxid.motion.feasibility import interior
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.trajectory import uniform
 from jaxid.motion.violation import axis_violations
-from jaxid.regression.filtered_least_squares import identify
+from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.worst_case import Norm
 from jaxid.search.problem import Problem
 
@@ -168,7 +168,7 @@ def test_no_nan_where_the_axis_never_moves():
 def test_the_objective_is_the_bound_that_identification_reports(motion):
     loop, scenarios = ideal_loop(repeats=2), one_plant()
     record, _ = loop(motor.plant(), motion)
-    estimate = identify(record, motor.system(), 300.0, H)
+    estimate = filtered_least_squares(record, motor.system(), 300.0, H)
     for index in range(4):  # one compilation: which parameter is data
         objective = ThroughLoop(loop, scenarios, error_of(index), SPEED, BLEND)
         value = evaluated(objective, motion)

@@ -16,7 +16,7 @@ from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import AgainstTracking
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Plant
-from jaxid.regression.filtered_least_squares import identify
+from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.runtime import connect
 from jaxid.sweep.dataset import Labels, labelled
 from jaxid.sweep.grid import Swept, Truth, grid, item
@@ -97,7 +97,7 @@ def test_an_item_is_what_run_and_identify_give_padded_or_not(
     record, signals = run(plant, motor.controller(), sensor, motion, motor.CONTROL_PERIOD)
     found = {name: values[scene] for name, values in items.items()}
     for k, w in enumerate(BANDWIDTHS):
-        estimate = identify(record, motor.system(), w, motor.CONTROL_PERIOD)
+        estimate = filtered_least_squares(record, motor.system(), w, motor.CONTROL_PERIOD)
         np.testing.assert_allclose(found["bound"][k], estimate.bound, rtol=1e-7)
         error = np.abs(estimate.theta - theta)
         np.testing.assert_allclose(found["error"][k], error, atol=1e-7 * estimate.bound.max())

@@ -216,7 +216,7 @@ def test_the_peak_between_two_ticks_is_that_of_the_steepest_admissible_path():
 
 
 def test_a_wider_bound_makes_a_wider_tube(motion, encoder, proved):
-    system = eqx.tree_at(lambda s: s.disturbance_bound, motor.system(), ConstantBound(0.3))
+    system = motor.system().with_disturbance_bound(ConstantBound(0.3))
     law = eqx.tree_at(lambda c: c.system, motor_law(), system)
     wider = tube_of(motion, law, encoder)
     assert jnp.max(wider.input.upper) > jnp.max(proved.input.upper)

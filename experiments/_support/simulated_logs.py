@@ -19,7 +19,7 @@ from experiments.paper.designs import (
     trajectory_path,
 )
 from jaxid.design.nominal_log import nominal_log
-from jaxid.identification.intervals import identify_log
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.modulating_functions import modulating
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import log_of
@@ -77,7 +77,7 @@ def read_motions(folder: Path) -> Motions:
 def _against(motion: JerkTrajectory) -> Float[Array, "m ticks"]:
     system = motor.system()
     log = nominal_log(system, motion, motor.servo())
-    weights = modulating(identify_log(system, log).logged, system.half_widths)
+    weights = modulating(guaranteed_intervals(system, [log]).rows, system.half_widths)
     return jnp.sign(jnp.concatenate([weights[:, :1], weights], axis=1))
 
 

@@ -30,6 +30,7 @@ from experiments._support.examples import (
     save_table,
 )
 from jaxid.identification.falsification import smallest_disturbance_factor
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.least_squares import fit_least_squares
 from jaxid.io import plots
 from jaxid.loop.disturbances import Cogging, LowSpeedFriction, Mixture
@@ -129,7 +130,7 @@ def main(options: Example) -> None:
     for motion, (model, axis) in product(motions, models.items()):
         smallest = DELTA[model] * smallest_disturbance_factor(axis, [logs[motion]], KNOTS)
         worth = jd.evaluate(axis, motions[motion], SERVO, floors[model])
-        proved = jd.identify_log(axis, logs[motion]).estimate
+        proved = guaranteed_intervals(axis, [logs[motion]]).estimate
         readings[motion, model] = Reading(smallest, worth, proved)
     rows = [
         row

@@ -27,8 +27,9 @@ from experiments._support.toys import Toys
 from experiments.paper.designs import TOY, with_starts
 from jaxid.design.evaluation import evaluate
 from jaxid.design.optimal_motion import design_guaranteed
+from jaxid.identification.assumptions import assumptions
 from jaxid.identification.falsification import smallest_disturbance_factor
-from jaxid.identification.intervals import assumptions, identify_log, identify_logs
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.io.log_file import Columns, Recorded, read_log
@@ -191,8 +192,8 @@ def studied(name: str, model: Callable[[float], System], laps: Sequence[Log]) ->
     smallest = smallest_disturbance_factor(model(1.0), laps[:2])
     chosen = model(MARGIN * smallest)
     later = smallest_disturbance_factor(chosen, laps[2:])
-    alone = [identify_log(chosen, log, KNOTS).estimate for log in laps]
-    together = identify_logs(chosen, laps, KNOTS).estimate
+    alone = [guaranteed_intervals(chosen, [log], KNOTS).estimate for log in laps]
+    together = guaranteed_intervals(chosen, laps, KNOTS).estimate
     return Result(name, smallest, chosen, later, alone, together)
 
 

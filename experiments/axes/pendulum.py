@@ -28,6 +28,7 @@ from experiments._support.examples import (
 )
 from jaxid._types import Scalar, dot
 from jaxid.design.criteria import PlannedError
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
 from jaxid.loop.disturbances import LowSpeedFriction
 from jaxid.motion.trajectory import JerkTrajectory
@@ -115,7 +116,7 @@ def main(options: Example) -> None:
     motions = options.motions("pendulum", searches, axis.coordinate)
     worth = {name: jd.evaluate(axis, motion, SERVO, least) for name, motion in motions.items()}
     logs = {name: logged(truth, law, SERVO, motion) for name, motion in motions.items()}
-    proved = {name: jd.identify_log(axis, log).estimate for name, log in logs.items()}
+    proved = {name: guaranteed_intervals(axis, [log]).estimate for name, log in logs.items()}
     heats = {name: float(heat(log.input)) for name, log in logs.items()}
     found = [
         row | {"heat": heats[name]}

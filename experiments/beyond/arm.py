@@ -21,7 +21,8 @@ from experiments.axes import one_link_arm as arm
 from experiments.paper.designs import TOY, with_starts
 from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.design.optimal_motion import design_guaranteed, design_motion
-from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.assumptions import assumptions
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_trajectory
 from jaxid.motion.task import Task
@@ -62,7 +63,7 @@ def main(study: Study) -> None:
     worth = {name: evaluate(system, motion, arm.servo(), least) for name, motion in motions.items()}
     save_table(study.named("arm.csv"), COLUMNS, rows_of(worth, "design", system.names))
     log = logged(arm.plant(), arm.controller(), arm.servo(), motions[ALL])
-    proved = identify_log(system, log).estimate
+    proved = guaranteed_intervals(system, [log]).estimate
     rows = interval_rows(system, arm.TRUE_PARAMETERS, proved)
     save_table(study.named("arm_proved.csv"), PROVED, rows)
     print("These intervals rest on:", *assumptions(system, log), sep="\n  ")

@@ -22,8 +22,9 @@ from experiments._support.measured_records import differenced_record, printed_re
 from experiments._support.processes import each
 from experiments._support.simulated_logs import Motions
 from experiments.axes import linear_motor as motor
+from jaxid.identification.assumptions import assumptions
 from jaxid.identification.feasible_parameter_set import feasible_set
-from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.io.files import write_bytes, write_table
@@ -153,8 +154,8 @@ def intervals(log: Log, knots: int) -> Intervals:
     Each is θ̂ ± bound, without the box, which may not be what keeps a truth inside; only all that is
     possible has no meaning without it.
     """
-    found = identify_log(motor.system(), log, knots)
-    left = feasible_set(found.logged, [found.estimate], knots)
+    found = guaranteed_intervals(motor.system(), [log], knots)
+    left = feasible_set(found.rows, [found.estimate], knots)
     estimates = {"modulating": found.estimate, **_others(log)}
     ends = {name: (e.theta - e.bound, e.theta + e.bound) for name, e in estimates.items()}
     return ends | {"all_that_is_possible": (left.lower, left.upper)}

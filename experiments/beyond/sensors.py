@@ -17,7 +17,7 @@ from experiments.paper.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajec
 from experiments.paper.figures import SYMBOLS
 from jaxid._types import Scalar
 from jaxid.design.nominal_log import nominal_log
-from jaxid.identification.intervals import ROUNDS, narrowed
+from jaxid.identification.intervals import PASSES, narrowed
 from jaxid.identification.modulating_functions import modulating
 from jaxid.identification.regression_rows import RegressionRows, boxes, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
@@ -122,7 +122,7 @@ def costs(options: Sensors) -> Iterator[dict[str, Value]]:
 def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
     """Of the last of two readings of a log, the second with the box that the first left."""
     narrow, bounds = system, np.full(len(system.names), np.inf)
-    for _ in range(ROUNDS):
+    for _ in range(PASSES):
         found = way.estimates(way.rows(narrow, log, state_bounds(narrow, log)), log.period)
         bounds = np.min([np.asarray(estimate.bound) for estimate in found], axis=0)
         for estimate in found:

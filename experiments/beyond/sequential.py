@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,8 +23,9 @@ from experiments.paper.designs import HORIZON, TOY, one_motion, with_starts
 from experiments.paper.figures import SYMBOLS
 from jaxid.design.guaranteed_criterion import expected_error
 from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed
+from jaxid.identification.assumptions import assumptions
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set
-from jaxid.identification.intervals import assumptions, identify_log, identify_logs
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.modulating_functions import KNOTS
 from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
@@ -131,19 +131,18 @@ def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> It
         motion = chosen(options, options.path(jerk, number), limits, horizon, done)
         log = measured(known, motion)
         logs = [*(before.log for before in done), log]
-        together = identify_logs(first, logs)
-        left = feasible_set(together.logged, [together.estimate], KNOTS)
-        alone = identify_log(first, log).estimate
+        together = guaranteed_intervals(first, logs)
+        left = feasible_set(together.rows, [together.estimate], KNOTS)
+        alone = guaranteed_intervals(first, [log]).estimate
         control = None
         if done and horizon > done[-1].motion.jerk.size // 2:  # what the time alone is worth
             path = options.path(jerk, number, first_limits=True)
             usual = chosen(options, path, allowed(first, jerk), horizon, done)
-            control = identify_log(first, measured(known, usual)).estimate
+            control = guaranteed_intervals(first, [measured(known, usual)]).estimate
         found = together.estimate
         done.append(Round(log, motion, limits, least, alone, control, found, left))
         yield done[-1]
-        ends = [jnp.stack(pair) for pair in zip(left.lower, left.upper, strict=True)]
-        known = eqx.tree_at(lambda s: [term.interval for term in s.terms], first, ends)
+        known = first.with_box(left.lower, left.upper)
 
 
 def chosen(

@@ -20,7 +20,7 @@ from experiments.paper import (
 )
 from experiments.paper.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajectory_path
 from jaxid.design.criteria import planned_error
-from jaxid.identification.intervals import assumptions
+from jaxid.identification.assumptions import assumptions
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import lower_bound

@@ -9,8 +9,9 @@ from jaxtyping import Array, Float
 
 from experiments.axes import linear_motor as motor
 from jaxid.design.evaluation import Evaluation, evaluate
+from jaxid.identification.assumptions import assumptions
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set, projection
-from jaxid.identification.intervals import Guarantee, assumptions, identify_log
+from jaxid.identification.intervals import GuaranteedIntervals, guaranteed_intervals
 from jaxid.identification.regression_rows import guaranteed_estimate
 from jaxid.loop.closed_loop import log_of, run
 from jaxid.loop.record import rows_of
@@ -48,7 +49,7 @@ class Proof(NamedTuple):
     """
 
     assumptions: tuple[str, ...]
-    guarantee: Guarantee
+    guarantee: GuaranteedIntervals
     left: FeasibleSet
     projections: Mapping[tuple[str, str], Float[np.ndarray, "corners 2"]]
 
@@ -74,11 +75,11 @@ def experiment(motion: JerkTrajectory) -> Proof:
     system, encoder = motor.system(), Encoder(motor.ENCODER_RESOLUTION)
     _, signals = run(motor.plant(), motor.controller(), encoder, motion, motor.CONTROL_PERIOD)
     log = log_of(signals, encoder, motor.CONTROL_PERIOD)
-    found = identify_log(system, log)
-    rows, box = found.logged.record.rows, system.half_widths
+    found = guaranteed_intervals(system, [log])
+    rows, box = found.rows.record.rows, system.half_widths
     others = [
-        guaranteed_estimate(found.logged, estimator(rows, box)) for estimator in ESTIMATORS.values()
+        guaranteed_estimate(found.rows, estimator(rows, box)) for estimator in ESTIMATORS.values()
     ]
-    left = feasible_set(found.logged, [found.estimate, *others], KNOTS)
-    seen = {pair: projection(found.logged, *pair, KNOTS) for pair in PLANES}
+    left = feasible_set(found.rows, [found.estimate, *others], KNOTS)
+    seen = {pair: projection(found.rows, *pair, KNOTS) for pair in PLANES}
     return Proof(assumptions(system, log), found, left, seen)

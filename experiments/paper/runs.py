@@ -18,7 +18,7 @@ from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.motion.trajectory import JerkTrajectory, States, reference
 from jaxid.regression.estimate import Estimate, least_squares_estimate
-from jaxid.regression.filtered_least_squares import identify
+from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.filters import adjoint, filtered, low_pass
 from jaxid.regression.worst_case import least_squares
 
@@ -79,7 +79,7 @@ def closed_loop(trajectory: JerkTrajectory) -> ClosedLoop:
         motor.CONTROL_PERIOD,
         PERIODS,
     )
-    estimate = identify(record, motor.system(), motor.BANDWIDTH, motor.CONTROL_PERIOD)
+    estimate = filtered_least_squares(record, motor.system(), motor.BANDWIDTH, motor.CONTROL_PERIOD)
     return ClosedLoop(record, signals, estimate)
 
 
@@ -169,4 +169,6 @@ def open_loop(amplitude: float, shape: Pulses = Pulses()) -> OpenLoopRun:
     input = pulses(amplitude, shape.width, shape.pause, shape.duration, period)
     rest = States(jnp.full(input.shape, shape.start), *(jnp.zeros(input.shape),) * 2)
     record, signals = simulate(motor.plant(), OpenLoop(input), IdealSensor(), rest, period)
-    return OpenLoopRun(signals, identify(record, motor.system(), motor.BANDWIDTH, period))
+    return OpenLoopRun(
+        signals, filtered_least_squares(record, motor.system(), motor.BANDWIDTH, period)
+    )

@@ -219,7 +219,7 @@ def identify(
     axis_identify.write_identified(out, found)
     print(axis_identify.text(found))
     print(f"Written to {out}: {', '.join(axis_identify.FILES)}")
-    if found.proved.contradiction:
+    if found.result is None:
         raise SystemExit(CONTRADICTED)
 
 

@@ -15,8 +15,8 @@ from jaxid.axis.file import PROGRAM, Axis
 from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.design.nominal_log import nominal_log
 from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed
-from jaxid.identification.falsification import louder
-from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.assumptions import assumptions
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
 from jaxid.io.files import write_json, write_trajectory
 from jaxid.io.setpoints import margins, read_setpoints, sampled, write_setpoints
@@ -121,8 +121,10 @@ def appraised(
 ) -> AxisDesign:
     """A motion with what it is worth, and would be with another δ."""
     worth = evaluate(axis.system, motion, axis.servo, least)
-    systems = [louder(axis.system, factor) for factor in FACTORS]
-    found = [identify_log(x, nominal_log(x, motion, axis.servo)).estimate for x in systems]
+    systems = [axis.system.with_scaled_disturbance(factor) for factor in FACTORS]
+    found = [
+        guaranteed_intervals(x, [nominal_log(x, motion, axis.servo)]).estimate for x in systems
+    ]
     sensitivity = np.stack([np.asarray(estimate.half_length) for estimate in found])
     return AxisDesign(axis, target, search, motion, worth, sensitivity)
 

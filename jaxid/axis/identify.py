@@ -10,15 +10,16 @@ from jaxtyping import Array
 
 from jaxid._checks import require
 from jaxid.axis.file import PROGRAM, Axis
-from jaxid.identification.batches import STRETCH, Proved, prove, rounded_down
+from jaxid.identification.assumptions import assumptions
+from jaxid.identification.batches import SIZES
 from jaxid.identification.falsification import LEAST
-from jaxid.identification.intervals import assumptions
+from jaxid.identification.identify import Identification, identify, rounded_down
 from jaxid.identification.least_squares import LeastSquaresFit, fit_least_squares
 from jaxid.io import plots
 from jaxid.io.files import UNITS, write_json
 from jaxid.io.log_file import Recorded
 from jaxid.io.segments import Segment, rows_used, steady_segments
-from jaxid.loop.log import Log
+from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 
@@ -34,14 +35,16 @@ class Identified(NamedTuple):
         axis: of the file.
         recorded: the log.
         pieces: of it, which were used.
-        proved: by all of them.
+        result: guaranteed intervals from all of them, if they are consistent with the axis.
+        inconsistency: what contradicts the axis, if they are not.
         fit: least squares, if the log tells all parameters apart.
     """
 
     axis: Axis
     recorded: Recorded
     pieces: tuple[Segment, ...]
-    proved: Proved
+    result: Identification | None
+    inconsistency: InconsistentLogError | None
     fit: LeastSquaresFit | None
 
 
@@ -60,10 +63,15 @@ def identify_axis(
     """
     _require_plausible(recorded, axis.task.limits, axis.system)
     servo, system = axis.servo, axis.system
-    found = steady_segments(recorded, servo.period, servo.resolution, axis.delay, longest=STRETCH)
+    found = steady_segments(
+        recorded, servo.period, servo.resolution, axis.delay, longest=SIZES.samples
+    )
     logs = [piece.log for piece in found]
-    proved = prove(system, logs, tell)
-    return Identified(axis, recorded, found, proved, _fit_if_possible(system, logs))
+    fit = _fit_if_possible(system, logs)
+    try:
+        return Identified(axis, recorded, found, identify(system, logs, report=tell), None, fit)
+    except InconsistentLogError as inconsistency:
+        return Identified(axis, recorded, found, None, inconsistency, fit)
 
 
 def _fit_if_possible(system: System, logs: Sequence[Log]) -> LeastSquaresFit | None:
@@ -100,22 +108,22 @@ def write_identified(folder: Path, found: Identified) -> None:
 
 def summary(found: Identified) -> dict[str, Any]:
     """For other programs: intervals, or how large δ would have to be, and what all rests on."""
-    axis, system, proved = found.axis, found.axis.system, found.proved
+    axis, system, result = found.axis, found.axis.system, found.result
     logs = [piece.log for piece in found.pieces]
     return {
         "program": PROGRAM,
-        "consistent": proved.contradiction is None,
-        "contradiction": proved.contradiction,
-        "least_factor_of_disturbance_bound": _factor(proved),
+        "consistent": result is not None,
+        "contradiction": None if found.inconsistency is None else str(found.inconsistency),
+        "least_factor_of_disturbance_bound": _factor(found),
         "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
         "not_told_apart": {
             name: dict(zip(system.names, combination.tolist(), strict=True))
-            for name, combination in proved.unseen.items()
+            for name, combination in ({} if result is None else result.unidentifiable).items()
         },
         "rows": found.recorded.position.size,
         "rows_used": rows_used(found.pieces),
-        "stretches": proved.stretches,
-        "ticks_to_a_weight": proved.coarse,
+        "stretches": None if result is None else result.batches,
+        "ticks_to_a_weight": None if result is None else result.samples_per_weight,
         "pieces": [
             {
                 "first_row": piece.first + 1,
@@ -129,10 +137,11 @@ def summary(found: Identified) -> dict[str, Any]:
     }
 
 
-def _factor(proved: Proved) -> float | None:
-    """None where it says nothing: less than a thousandth, or contradicting for another reason."""
-    known = proved.factor > LEAST and not (proved.contradiction and proved.factor <= 1)
-    return proved.factor if known else None
+def _factor(found: Identified) -> float | None:
+    """A proved lower bound on the multiple of δ that the log needs; None where there is none."""
+    if found.result is None:
+        return None if found.inconsistency is None else found.inconsistency.factor
+    return found.result.disturbance_factor if found.result.disturbance_factor > LEAST else None
 
 
 def _parameter(found: Identified, k: int) -> dict[str, Any]:
@@ -142,34 +151,41 @@ def _parameter(found: Identified, k: int) -> dict[str, Any]:
         "prior": [float(system.lower[k]), float(system.upper[k])],
         "least_squares": None if found.fit is None else float(found.fit.theta[k]),
     }
-    proved, estimate = found.proved, found.proved.estimate
-    if estimate is None:
+    result = found.result
+    if result is None:
         return known
+    estimate = result.estimate
     return known | {
         "theta_hat": float(estimate.theta[k]),
         "bound": float(estimate.bound[k]),
         "guaranteed": [float(estimate.lower[k]), float(estimate.upper[k])],
-        "possible": [float(proved.lower[k]), float(proved.upper[k])],
+        "possible": [float(result.lower[k]), float(result.upper[k])],
     }
 
 
 def text(found: Identified) -> str:
     """For people."""
-    proved = found.proved
-    long = f"It is long: {proved.stretches} stretches of it were read one by one."
     return "\n".join(
         (
             _rows_used(found),
-            *((long,) if proved.stretches > 1 else ()),
-            _intervals(found),
-            *(
-                f"{name} cannot be told apart from others: {_exchange(found, combination)}"
-                for name, combination in proved.unseen.items()
-            ),
+            *([] if found.result is None else _of_result(found, found.result)),
+            *([] if found.inconsistency is None else [f"Inconsistent log. {found.inconsistency}"]),
             "This rests on:",
             *(f"  {sentence}" for sentence in summary(found)["rests_on"]),
         )
     )
+
+
+def _of_result(found: Identified, result: Identification) -> list[str]:
+    long = f"Long log: it was processed in {result.batches} batches, then in all of them together."
+    return [
+        *((long,) if result.batches > 1 else ()),
+        _intervals(found.axis.system, result),
+        *(
+            f"{name} is not identifiable from this log: {_exchange(found, combination)}"
+            for name, combination in result.unidentifiable.items()
+        ),
+    ]
 
 
 def _rows_used(found: Identified) -> str:
@@ -180,24 +196,25 @@ def _rows_used(found: Identified) -> str:
     return f"Used {rows_used(pieces)} of {rows} rows: {where}; jitter up to {most:.3g} s."
 
 
-def _intervals(found: Identified) -> str:
-    system = found.axis.system
-    proved, estimate = found.proved, found.proved.estimate
-    if estimate is None:
-        return f"The log contradicts the axis. {proved.contradiction} No interval is printed."
+def _intervals(system: System, result: Identification) -> str:
+    estimate, factor = result.estimate, result.disturbance_factor
     header = ("parameter", "unit", "prior", "guaranteed", "possible")
     pairs = (
         (system.lower, system.upper),
         (estimate.lower, estimate.upper),
-        (proved.lower, proved.upper),
+        (result.lower, result.upper),
     )
     columns = [
         [f"{low:.5g} … {high:.5g}" for low, high in zip(*map(np.asarray, pair), strict=True)]
         for pair in pairs
     ]
     rows = list(zip(system.names, system.units, *columns, strict=True))
-    takes = f"{rounded_down(proved.factor):g}·δ at least" if proved.factor > LEAST else "hardly any"
-    title = f"What the log proves; to explain it takes {takes}"
+    needed = (
+        f"at least {rounded_down(factor):g}·δ"
+        if factor > LEAST
+        else f"no lower bound above {LEAST:g}·δ"
+    )
+    title = f"Guaranteed parameter intervals. Disturbance needed to explain this log: {needed}."
     return plots.text_table(header, rows, title)
 
 

@@ -7,13 +7,13 @@ that nothing is outside of it.
 
 from typing import NamedTuple
 
-import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from jaxid._checks import require
 from jaxid.axis.file import Axis
-from jaxid.identification.batches import shared
+from jaxid.identification.batches import knots_by_length
 from jaxid.identification.falsification import MOST, smallest_disturbance_factor
 from jaxid.identification.least_squares import fit_least_squares
 from jaxid.io.log_file import Recorded
@@ -83,9 +83,7 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
             f"Argument `recorded`: by least squares {name} is {high:.4g} {unit} at most, which no "
             "friction is; a term of the axis is missing, or a sign is wrong.",
         )
-    known = eqx.tree_at(
-        lambda s: [term.interval for term in s.terms], system, list(np.stack([lower, upper], 1))
-    )
+    known = system.with_box(jnp.asarray(lower), jnp.asarray(upper))
     return Proposal(found.theta, lower, upper, MARGIN * _smallest(known, logs, found.rest))
 
 
@@ -117,8 +115,8 @@ def _least(term: Term, k: int, estimate: float) -> float:
 def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) -> float:
     """The smallest constant δ that explains the logs."""
     level = float(np.sqrt(np.mean(rest**2))) or 1.0
-    unit = eqx.tree_at(lambda s: s.disturbance_bound, system, ConstantBound(level))
-    factor = smallest_disturbance_factor(unit, logs, shared(_KNOTS, logs))
+    unit = system.with_disturbance_bound(ConstantBound(level))
+    factor = smallest_disturbance_factor(unit, logs, knots_by_length(_KNOTS, logs))
     require(
         factor < MOST,
         f"Argument `recorded`: not even {MOST:g} times the rest of least squares explains it as a "

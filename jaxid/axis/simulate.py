@@ -13,7 +13,8 @@ from jaxtyping import Array, Float
 from jaxid._checks import require
 from jaxid.axis.design import played
 from jaxid.axis.file import PROGRAM, Axis
-from jaxid.identification.intervals import assumptions, identify_log
+from jaxid.identification.assumptions import assumptions
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
 from jaxid.io.files import UNITS, write_json
 from jaxid.loop.closed_loop import Loop, plant_violations
@@ -90,7 +91,7 @@ def simulate_axis(
     kept, lengths, outside = [_log(axis, drawn, k) for k in range(logs)], [], 0
     for k, log in enumerate(kept):
         tell(f"what log {k + 1} of {logs} proves")
-        found = identify_log(axis.system, log).estimate
+        found = guaranteed_intervals(axis.system, [log]).estimate
         theta = scenarios.theta[k]
         outside += not bool(jnp.all((found.lower <= theta) & (theta <= found.upper)))
         lengths.append(np.asarray(found.half_length))

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from jaxid._checks import require
 from jaxid.design.criteria import planned_error
 from jaxid.design.nominal_log import nominal_log
-from jaxid.identification.intervals import identify_log
+from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory
@@ -21,7 +21,7 @@ class Evaluation(NamedTuple):
         error: J of (16), by least squares of exact signals.
         guaranteed: what the log can be expected to prove, servo, encoder and prior box included:
             that of an undisturbed axis in the middle of its box that follows the motion. What the
-            log of another one proves, `identify_log` says; it may be a little more or less.
+            log of another one proves, `jaxid.identify` says; it may be a little more or less.
         floor: what no motion within the limits and no estimator can promise to go below.
         estimated: parameters whose floor is an estimate.
     """
@@ -54,6 +54,6 @@ def evaluate(
         f"Argument `least` must be the floor of the parameters {', '.join(names)} themselves, one "
         f"number each, but has {least.value.size}.",
     )
-    found = identify_log(system, nominal_log(system, trajectory, servo)).estimate
+    found = guaranteed_intervals(system, [nominal_log(system, trajectory, servo)]).estimate
     error = planned_error(system, trajectory)
     return Evaluation(error, found.half_length, least.value, least.estimated)

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from jaxid._checks import is_concrete, require
 from jaxid._types import Scalar
 from jaxid.design.nominal_log import NominalLog, nominal_log, nominal_log_model
-from jaxid.identification.intervals import identify_log, narrowed
+from jaxid.identification.intervals import guaranteed_intervals, narrowed
 from jaxid.identification.modulating_functions import optimal
 from jaxid.identification.regression_rows import RegressionRows, hats
 from jaxid.identification.state_bounds import StateBounds, state_bounds
@@ -71,7 +71,7 @@ class GuaranteedError(eqx.Module):
     def errors(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " m"]:
         """Of each parameter, with the slope of the least ones.
 
-        Without smoothing exactly what `identify_log` proves from the foreseen log, as far as
+        Without smoothing exactly what `guaranteed_intervals` gives for the nominal log, as far as
         `narrow` is what that log leaves, with its own δ, and the knots are the same.
         """
         logged = self._logged(trajectory, smoothing)
@@ -150,9 +150,11 @@ def expected_error(
         speed: m/s or rad/s, over which jumps are spread at smoothing 1.
         largest: of the relative errors; or else their sum.
     """
-    narrow = narrowed(system, identify_log(system, nominal_log(system, trajectory, servo)).estimate)
+    narrow = narrowed(
+        system, guaranteed_intervals(system, [nominal_log(system, trajectory, servo)]).estimate
+    )
     if servo.velocity_error:
         cautious = NearbyVelocityBound(system.disturbance_bound, servo.velocity_error)
-        narrow = eqx.tree_at(lambda s: s.disturbance_bound, narrow, cautious)
+        narrow = narrow.with_disturbance_bound(cautious)
     nominal = nominal_log_model(system, trajectory, servo)
     return GuaranteedError(system, narrow, nominal, targets, speed, largest)

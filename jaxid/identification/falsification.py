@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +12,6 @@ from jaxid.identification.joined_rows import rows_of_logs
 from jaxid.identification.modulating_functions import Knots, Program, program_of
 from jaxid.identification.regression_rows import RegressionRows, upper_ends
 from jaxid.loop.log import InconsistentLogError, Log
-from jaxid.model.disturbance_bound import ScaledBound
 from jaxid.model.system import System
 
 LEAST, MOST = 1e-3, 1e3  # factors of δ that are looked at
@@ -67,7 +65,9 @@ def smallest_disturbance_factor(
         knots: of the weights, at most, for each log; default all rows.
         least: what is returned if already it may explain them.
     """
-    return smallest_factor(lambda s: rows_of_logs(louder(system, s), logs), knots, least)
+    return smallest_factor(
+        lambda s: rows_of_logs(system.with_scaled_disturbance(s), logs), knots, least
+    )
 
 
 def _closed_in(
@@ -94,12 +94,6 @@ def _closed_in(
         low, high = (low, moved) if moved[1] <= 1.0 else (moved, high)
         step += 1
     return low[0], high[0]
-
-
-def louder(system: System, factor: Scalar | float) -> System:
-    """The system with s·δ for its disturbance bound."""
-    bound = ScaledBound(system.disturbance_bound, factor)
-    return eqx.tree_at(lambda s: s.disturbance_bound, system, bound)
 
 
 def needed_factor(

@@ -50,16 +50,15 @@ def feasible_set(
         knots: of the weights, at most; default all rows.
 
     Raises:
-        ContradictionError: if nothing is left; `smallest_factor` says by how much δ is too small.
+        InconsistentLogError: if no θ of the box is consistent with the data.
     """
     system = logged.system
     program, misfit = program_of(logged, knots)
     needed = needed_factor(logged, program, misfit)
     require(
         needed <= 1.0,
-        "Argument `logged`: no θ of the box can have left these data with |Δ| ≤ δ; δ, the box or "
-        "the errors of the sensor are too small, or an input is not what was commanded. "
-        "`smallest_factor` says what δ must be multiplied by.",
+        "Argument `logged`: no θ of the prior box explains these data with |Δ| ≤ δ. δ, the box or "
+        "the errors of the sensor are too small, or an input is not what was commanded.",
         InconsistentLogError,
     )
     axes = np.eye(len(system.names))
@@ -74,8 +73,8 @@ def feasible_set(
     for name, low, high in zip(system.names, lower, upper, strict=True):
         require(
             float(low) <= float(high),
-            f"Argument `others`: their intervals for {name} and what these data leave have nothing "
-            f"in common ({float(low):.6g} is above {float(high):.6g}).",
+            f"Argument `others`: their intervals for {name} and the feasible set of these data do "
+            f"not intersect ({float(low):.6g} is above {float(high):.6g}).",
             InconsistentLogError,
         )
     return FeasibleSet(lower, upper)

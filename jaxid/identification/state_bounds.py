@@ -59,7 +59,7 @@ def state_bounds(system: System, log: Log) -> StateBounds:
         log: of at least two ticks.
 
     Raises:
-        ContradictionError: if no plant of the system can have left this log.
+        InconsistentLogError: if no plant of the system can have left this log.
         ValueError: if its period is too long for any bracket.
     """
     require_float64("log", log)

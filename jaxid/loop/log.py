@@ -13,7 +13,17 @@ JITTER = 0.1  # of a period, at most: beyond it a log is hardly one of ticks
 
 
 class InconsistentLogError(ValueError):
-    """Data that nothing within the box and δ can have left."""
+    """No axis of the system, with θ in the prior box and |Δ| ≤ δ, can have produced the logs.
+
+    Attributes:
+        factor: a proved lower bound on the multiple of δ that would explain the logs; None where
+            no number is proved.
+    """
+
+    def __init__(self, sentence: str, factor: float | None = None) -> None:
+        """The sentence says what contradicts what."""
+        super().__init__(sentence)
+        self.factor = factor
 
 
 class Log(eqx.Module):
@@ -57,6 +67,18 @@ class Log(eqx.Module):
                 f"Argument `jitter` of a log must be {JITTER:g} of its period at most, but is "
                 f"{float(self.jitter):g} s of {float(self.period):g} s.",
             )
+
+    def part(self, first: int, stop: int) -> "Log":
+        """The ticks from `first` up to `stop`, not padded: as a log of its own."""
+        before, after = self._neighbours()
+        return Log(
+            self.input[first:stop],
+            self.position[first : stop + 1],
+            self.period,
+            self.resolution,
+            self.jitter,
+            jnp.stack([before[first], after[stop - 1]]),
+        )
 
     def reading_error(self, speed: Motion) -> Motion:
         """|read − true position at the tick| at most, of an axis that is no faster around it.

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_interval
-from jaxid._types import Interval, Motion, as_interval, dot
-from jaxid.model.disturbance_bound import DisturbanceBound
+from jaxid._types import Interval, Motion, Scalar, as_interval, dot
+from jaxid.model.disturbance_bound import DisturbanceBound, ScaledBound
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Regressor
 from jaxid.model.smoothing import Nonsmooth
@@ -116,6 +116,24 @@ class System(eqx.Module):
             f"Argument `name` must be one of {list(self.names)}, but is {name!r}.",
         )
         return self.names.index(name)
+
+    def with_box(self, lower: Float[Array, " m"], upper: Float[Array, " m"]) -> "System":
+        """The same axis with another prior box.
+
+        Args:
+            lower: θ_min, shape (m,), in the units of the parameters.
+            upper: θ_max, shape (m,); not below `lower`.
+        """
+        ends = [jnp.stack(pair) for pair in zip(lower, upper, strict=True)]
+        return eqx.tree_at(lambda s: [term.interval for term in s.terms], self, ends)
+
+    def with_disturbance_bound(self, bound: DisturbanceBound) -> "System":
+        """The same axis with another disturbance bound δ."""
+        return eqx.tree_at(lambda s: s.disturbance_bound, self, bound)
+
+    def with_scaled_disturbance(self, factor: Scalar | float) -> "System":
+        """The same axis with `factor`·δ for its disturbance bound, `factor` above zero."""
+        return self.with_disturbance_bound(ScaledBound(self.disturbance_bound, factor))
 
     def forces(self, position: Motion, velocity: Motion) -> tuple[Motion, ...]:
         """f₁ … f_{m−1}: all regressors but the acceleration."""

@@ -1,4 +1,4 @@
-"""The paper's identification (28)-(29): filter the record and estimate by least squares."""
+"""The paper's identification (28)-(29): least squares of a filtered record."""
 
 from jaxid._checks import require_float64
 from jaxid.loop.record import Record
@@ -8,14 +8,27 @@ from jaxid.regression.filters import filtered
 from jaxid.regression.worst_case import require_informative
 
 
-def identify(record: Record, system: System, bandwidth: float, period: float) -> Estimate:
-    """(28)-(29): filter the record with H_f and estimate by least squares.
+def filtered_least_squares(
+    record: Record, system: System, bandwidth: float, period: float
+) -> Estimate:
+    """Least squares (11) on a record filtered by H_f (28), with the error bound J_f of (29).
+
+    For recorded logs this is no certificate. The bound holds if every row of the record obeys
+    u = φᵀθ + Δ with |Δ| ≤ δ exactly, as the rows of a simulation do. The rows that are made of
+    sampled, quantised positions do not: there the true parameters may lie outside θ̂ ± J_f, and
+    `jaxid.identify` computes intervals that contain them.
 
     Args:
-        record: with exact rows for the bound to hold.
+        record: exact rows and inputs, in SI units and the unit of the input.
         system: for its prior box.
-        bandwidth: w of H_f in rad/s.
+        bandwidth: w of the filter H_f(s) = w/(s + w), rad/s.
         period: of the record's ticks, s.
+
+    Returns:
+        The estimate θ̂ with its bound J_f and the intervals that both leave of the prior box.
+
+    Raises:
+        ValueError: if the record is not float64, or its motion cannot identify all parameters.
     """
     require_float64("record", record)
     passed = filtered(record, bandwidth, period)

@@ -1,0 +1,48 @@
+"""What guaranteed intervals assume, in sentences to print beside them."""
+
+from collections.abc import Iterator, Sequence
+
+from jaxid.loop.log import Log
+from jaxid.model.system import System
+
+
+def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
+    """What the intervals from logs rest on: sentences to print beside them.
+
+    Args:
+        system: with the prior box.
+        logs: that were read, alone or together.
+        delay: periods until a command acts, which the logs count already.
+    """
+    length = "m" if system.coordinate == "linear" else "rad"
+    box = ", ".join(
+        f"{term.name} in [{float(low):g}, {float(high):g}] {term.unit}"
+        for term, low, high in zip(system.terms, system.lower, system.upper, strict=True)
+    )
+    most = system.disturbance_bound.describe(system.input_unit, f"{length}/s")
+    together = ("All logs are of one axis, whose parameters and zero of position stayed the same.",)
+    estimated = (
+        f"What multiplies {name} is estimated by samples: its slopes were not bounded."
+        for name in system.estimated
+    )
+    return (
+        f"The box: {box}.",
+        f"Everything unmodelled is at all times at most δ: {most}.",
+        *dict.fromkeys(_of_the_servos(logs, length, delay)),
+        *(together if len(logs) > 1 else ()),
+        *estimated,
+    )
+
+
+def _of_the_servos(logs: Sequence[Log], length: str, delay: int) -> Iterator[str]:
+    """Of each servo once, with the largest jitter of its logs."""
+    jitters: dict[tuple[str, float], float] = {}
+    for log in logs:
+        servo = f"{float(log.period):.4g}", float(log.resolution) / 2
+        jitters[servo] = max(jitters.get(servo, 0.0), float(log.jitter))
+    late = f"{delay} periods later" if delay else "without delay"
+    for (period, half), jitter in jitters.items():
+        encoder = f"to {half:.4g} {length}" if half > 0 else "exactly"
+        steady = f"; both up to {jitter:.4g} s too early or too late" if jitter > 0 else ""
+        yield f"The input acts as commanded, {late}, and is held for {period} s."
+        yield f"The encoder reads the position at the beginning of each hold, {encoder}{steady}."

@@ -1,0 +1,224 @@
+"""From recorded logs to guaranteed parameter intervals, or to a proof that the logs do not fit.
+
+This is the one way from data to intervals. The disturbance bound is tested first: if no parameter
+vector of the prior box explains the logs with |Δ| ≤ δ, no interval is returned.
+"""
+
+from collections.abc import Callable, Sequence
+from math import floor, log10
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxid._checks import require, require_float64
+from jaxid.identification.batches import (
+    SIZES,
+    BatchSizes,
+    batches,
+    knots_by_length,
+    most_informative,
+    samples_per_weight,
+)
+from jaxid.identification.falsification import LEAST, MOST, smallest_disturbance_factor
+from jaxid.identification.feasible_parameter_set import feasible_set
+from jaxid.identification.intervals import guaranteed_intervals, narrowed_to, tightest
+from jaxid.identification.joined_rows import rows_of_logs
+from jaxid.identification.unidentifiable import unidentifiable_directions
+from jaxid.loop.log import InconsistentLogError, Log
+from jaxid.model.system import System
+from jaxid.regression.estimate import Estimate
+
+Directions = dict[str, Float[np.ndarray, " m"]]
+Report = Callable[[str], None]
+_UNCHANGED = 1e-6  # of a prior interval: one that has shrunk by less has not shrunk
+_FAR_FROM_ONE = 0.5  # a factor that a finer test does not raise above 1
+
+
+class Identification(NamedTuple):
+    """Guaranteed parameter intervals from logs that are consistent with a system.
+
+    Attributes:
+        system: with the prior box and δ that the intervals assume.
+        lower: lower ends of the tightest guaranteed intervals, shape (m,): the interval hull of all
+            θ in the prior box that are consistent with the logs.
+        upper: their upper ends, shape (m,).
+        estimate: by a fixed linear estimator, θ̂ ± bound; its intervals contain `lower` … `upper`.
+        disturbance_factor: the logs are proved to need a disturbance of at least this multiple of
+            δ, at most 1; `LEAST` (0.001) stands for no such proof.
+        unidentifiable: for each parameter whose prior interval the logs cannot narrow, a direction
+            ν, shape (m,): centre ± ν explain the same logs and span this interval.
+        batches: how many batches the logs were processed in.
+        samples_per_weight: how many samples share a weight of the estimators, at most.
+    """
+
+    system: System
+    lower: Float[Array, " m"]
+    upper: Float[Array, " m"]
+    estimate: Estimate
+    disturbance_factor: float
+    unidentifiable: Directions
+    batches: int
+    samples_per_weight: float
+
+
+def identify(
+    system: System,
+    logs: Log | Sequence[Log],
+    *,
+    sizes: BatchSizes = SIZES,
+    report: Report = lambda message: None,
+) -> Identification:
+    """Guaranteed intervals for every parameter, from one log or several logs of one axis.
+
+    The intervals contain the true parameters of every axis that keeps the assumptions, which
+    `jaxid.assumptions(system, *logs)` states: θ in the prior box, |Δ| ≤ δ at all times, an input
+    that is held as logged, and positions read to half the resolution. First δ is tested: logs that
+    are proved to need a larger one are refused.
+
+    Args:
+        system: the model with its prior box and its disturbance bound δ.
+        logs: what the servo recorded; periods and encoders may differ from log to log. Of any
+            length: longer ones are processed in batches.
+        sizes: of the batches.
+        report: called with what is being computed.
+
+    Raises:
+        InconsistentLogError: if no θ of the prior box explains the logs with |Δ| ≤ δ. Its
+            `factor` is a lower bound on the multiple of δ that would be needed.
+        ValueError: if the logs are not float64, or too short.
+    """
+    given = (logs,) if isinstance(logs, Log) else tuple(logs)
+    require(len(given) > 0, "Argument `logs` must hold one log at least, but is empty.")
+    require_float64("system", system)
+    require_float64("logs", given)
+    parts = batches(given, sizes)
+    progress = _Progress(system, sizes, len(parts))
+    for number, part in enumerate(parts, 1):
+        label = f"batch {number} of {len(parts)}: " if len(parts) > 1 else ""
+        progress.add(part, lambda said, label=label: report(label + said))
+    if len(parts) > 1:
+        progress.process_together(lambda said: report(f"together: {said}"))
+    return progress.result()
+
+
+class _Progress:
+    """What is known after some batches."""
+
+    def __init__(self, system: System, sizes: BatchSizes, count: int) -> None:
+        self.system = system
+        self.known = system
+        self.sizes = sizes
+        self.count = count
+        self.factor = LEAST
+        self.refusal: str | None = None
+        self.estimates: list[Estimate] = []
+        self.unidentifiable: Directions | None = None
+        self.parts: list[tuple[Log, ...]] = []
+        self.samples_per_weight = 1.0
+
+    @property
+    def consistent(self) -> bool:
+        """Whether nothing so far is proved to contradict the system."""
+        return self.factor <= 1 and self.refusal is None
+
+    def add(self, logs: tuple[Log, ...], report: Report) -> None:
+        """Test one more batch, and narrow the box by it."""
+        self.parts.append(logs)
+        sizes = self.sizes
+        self.samples_per_weight = max(
+            self.samples_per_weight, samples_per_weight(sizes.knots, logs)
+        )
+        report("smallest consistent disturbance bound")
+        for knots in (sizes.knots, sizes.finer * sizes.knots):
+            weights = knots_by_length(knots, logs)
+            self.factor = smallest_disturbance_factor(self.system, logs, weights, self.factor)
+            if self.factor < _FAR_FROM_ONE or self.factor == MOST:
+                break
+        if self.consistent and (self.unidentifiable is None or self.unidentifiable):
+            report("unidentifiable directions")
+            self._look(logs, sizes.knots)
+        self._narrow(logs, sizes.knots, report)
+
+    def process_together(self, report: Report) -> None:
+        """All batches at once, or the most informative ones, if nothing contradicts the system."""
+        if not self.consistent:
+            return
+        logs = most_informative(self._with_room, self.parts, self.sizes)
+        self._narrow(logs, self.sizes.knots_together, report)
+        if self.unidentifiable:
+            self._look(logs, self.sizes.knots_together)
+
+    def result(self) -> Identification:
+        """Of all batches.
+
+        Raises:
+            InconsistentLogError: if they contradict the system.
+        """
+        if self.factor > 1:
+            cause = "; an input, a unit or a sign must be wrong" if self.factor == MOST else ""
+            raise InconsistentLogError(
+                f"No θ of the prior box explains the logs unless the disturbance bound is at least "
+                f"{rounded_down(self.factor):g}·δ{cause}.",
+                self.factor,
+            )
+        if self.refusal is not None:
+            raise InconsistentLogError(self.refusal)
+        half_widths = self.system.half_widths
+        narrower = self.known.upper - self.known.lower < (1 - _UNCHANGED) * 2 * half_widths
+        wide = [name for name, less in zip(self.system.names, narrower, strict=True) if not less]
+        return Identification(
+            self.system,
+            self.known.lower,
+            self.known.upper,
+            tightest(self.estimates),
+            self.factor,
+            {k: v for k, v in (self.unidentifiable or {}).items() if k in wide},
+            self.count,
+            self.samples_per_weight,
+        )
+
+    def _narrow(self, logs: Sequence[Log], knots: int, report: Report) -> None:
+        """The box by some logs, as long as nothing contradicts the system."""
+        if not self.consistent:
+            return
+        weights = knots_by_length(knots, logs)
+        try:
+            report("guaranteed intervals")
+            found = guaranteed_intervals(self.known, logs, weights)
+            report("feasible parameter set")
+            left = feasible_set(found.rows, [found.estimate], weights)
+            self.estimates.append(found.estimate)
+            self.known = narrowed_to(self.known, left.lower, left.upper)
+        except InconsistentLogError as error:  # intervals can show what the test of δ did not
+            self._refuse(str(error))
+
+    def _refuse(self, sentence: str) -> None:
+        """None of several batches may contradict the system by itself: then test them together."""
+        self.refusal = sentence
+        if len(self.parts) > 1:
+            self.refusal = (
+                f"No θ of the prior box explains the first {len(self.parts)} batches of the logs "
+                "together with |Δ| ≤ δ, though it may explain each of them."
+            )
+            logs = most_informative(self._with_room, self.parts, self.sizes, first=self.parts[-1])
+            weights = knots_by_length(self.sizes.knots_together, logs)
+            self.factor = smallest_disturbance_factor(self.system, logs, weights, self.factor)
+
+    @property
+    def _with_room(self) -> System:
+        """The system with a δ that each batch is consistent with, proved to 1 %."""
+        return self.system.with_scaled_disturbance(max(1.0, 1.01 * self.factor))
+
+    def _look(self, logs: Sequence[Log], knots: int) -> None:
+        """Keep what neither these logs nor those before identify."""
+        rows = rows_of_logs(self._with_room, logs)
+        now = unidentifiable_directions(rows, knots_by_length(knots, logs))
+        before = now if self.unidentifiable is None else self.unidentifiable
+        self.unidentifiable = {name: now[name] for name in now if name in before}
+
+
+def rounded_down(factor: float) -> float:
+    """To three digits downwards: a lower bound stays one."""
+    digits = 2 - floor(log10(factor))
+    return floor(factor * 10**digits) / 10**digits

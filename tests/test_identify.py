@@ -1,0 +1,243 @@
+"""The one way from logs to intervals: truths inside, what contradicts δ refused, in any batches."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxid as jd
+from experiments.axes import linear_motor as motor
+from jaxid.identification.batches import BatchSizes, batches, most_informative, samples_per_weight
+from jaxid.identification.falsification import MOST
+from jaxid.identification.identify import identify, rounded_down
+from jaxid.io.files import read_trajectory
+from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.log import InconsistentLogError, Log
+from jaxid.loop.sensors import Encoder
+from jaxid.model.disturbance_bound import ConstantBound
+from jaxid.motion.trajectory import uniform
+
+TRUTH = np.array(motor.TRUE_PARAMETERS)
+PERIOD = motor.CONTROL_PERIOD
+
+
+@pytest.fixture(scope="module")
+def parts(figures):
+    """Four logs of 749 ticks, cut from one of the motor."""
+    motion = read_trajectory(figures / "trajectory_minimax.csv")
+    encoder = Encoder(motor.ENCODER_RESOLUTION)
+    _, signals = run(motor.plant(), motor.controller(), encoder, motion, PERIOD)
+    whole = log_of(signals, encoder, PERIOD)
+    return [cut(whole, first, 749) for first in range(0, 2996, 749)]
+
+
+def cut(log, first, ticks):
+    input, position = log.input[first : first + ticks], log.position[first : first + ticks + 1]
+    return Log(input, position, log.period, log.resolution)
+
+
+# batches and weights a fifth and a third of the usual
+SMALL = BatchSizes(samples=1500, knots=300, knots_together=900)
+
+
+def proved(system, logs, sizes=SMALL):
+    """Either the intervals or the refusal."""
+    try:
+        return identify(system, logs, sizes=sizes), None
+    except InconsistentLogError as error:
+        return None, error
+
+
+def slide():
+    """The example of the README."""
+    return jd.System(
+        terms=(
+            jd.Term("m", "kg", (5.0, 9.0)),
+            jd.Term("b", "N s/m", (0.0, 40.0), jd.Viscous()),
+            jd.Term("Fc", "N", (0.0, 30.0), jd.Coulomb(beta=500.0)),
+        ),
+        disturbance_bound=jd.ConstantBound(6.0),
+        input_unit="N",
+    )
+
+
+def slide_log(theta=(7.0, 20.0, 15.0)):
+    """1,200 ticks there and back, disturbed by 3 N that change their sign four times."""
+    jerk = jnp.array([20.0, -20.0, 0.0, -20.0, 20.0, -20.0, 20.0, 0.0, 20.0, -20.0, 0.0, 0.0])
+    motion = uniform(jnp.array([0.1, 0.0, 0.0]), jerk, 0.1)
+    n, h = 1200, 0.001
+    states = motion.states((jnp.arange(n) + 0.5) * h)
+    push = sum(f * t for f, t in zip(slide().regressors(*states), theta, strict=True))
+    unknown = 3.0 * jnp.sign(jnp.sin(2 * jnp.pi * jnp.arange(n) / 480))
+    position = motion.states(jnp.arange(n + 1) * h).position
+    return Log(push + unknown, jnp.round(position / 1e-6) * 1e-6, h, 1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.3, 0.2, 0.1])
+def test_data_that_contradict_the_bound_are_refused(factor):
+    """The same log with δ as it is, and with a δ that it is proved to exceed."""
+    system, log = slide(), slide_log()
+    found = jd.identify(system, log)
+    for theta, low, high in zip((7.0, 20.0, 15.0), found.lower, found.upper, strict=True):
+        assert low <= theta <= high
+    assert 0.3 < found.disturbance_factor <= 0.5
+    with pytest.raises(jd.InconsistentLogError, match="unless the disturbance bound is") as refused:
+        jd.identify(system.with_scaled_disturbance(factor), log)
+    # the same multiple of the same δ, whatever it is called
+    assert refused.value.factor == pytest.approx(found.disturbance_factor / factor, rel=2e-3)
+    assert refused.value.factor > 1
+
+
+def test_logs_are_processed_as_many_together_as_are_a_batch(parts):
+    assert [len(part) for part in batches(parts, SMALL)] == [2, 2]
+    assert [log for part in batches(parts, SMALL) for log in part] == parts
+    assert [len(part) for part in batches([*parts, cut(parts[0], 0, 3)], SMALL)] == [2, 2, 1]
+    many = [cut(parts[0], k, 4) for k in range(250)]
+    assert [len(part) for part in batches(many, SMALL)] == [100, 100, 50]
+
+
+def test_a_long_log_is_cut_into_equal_parts_that_lose_nothing(parts):
+    log = parts[0]
+    (one,), (other,) = batches([log], SMALL._replace(samples=400))
+    assert (one.input.size, other.input.size) == (374, 375)
+    np.testing.assert_array_equal(jnp.concatenate([one.input, other.input]), log.input)
+    np.testing.assert_array_equal(one.position, log.position[:375])
+    np.testing.assert_array_equal(other.position, log.position[374:])
+    np.testing.assert_array_equal(one.outer, jnp.stack([log.input[0], log.input[374]]))
+    np.testing.assert_array_equal(other.outer, jnp.stack([log.input[373], log.input[-1]]))
+
+
+def test_batches_prove_what_the_whole_does(parts):
+    told = []
+    found = identify(motor.system(), parts, sizes=SMALL, report=told.append)
+    assert (found.batches, found.samples_per_weight) == (2, pytest.approx(1498 / 300))
+    assert told[0] == "batch 1 of 2: smallest consistent disturbance bound"
+    estimate = found.estimate
+    for lower, upper in ((estimate.lower, estimate.upper), (found.lower, found.upper)):
+        assert np.all((lower <= TRUTH) & (upper >= TRUTH))
+    assert np.all((found.lower >= estimate.lower) & (found.upper <= estimate.upper))
+    # no wider than either half alone
+    one_batch = SMALL._replace(samples=10_000)
+    for half in (parts[:2], parts[2:]):
+        alone = identify(motor.system(), half, sizes=one_batch)
+        assert np.all((found.lower >= alone.lower - 1e-9) & (found.upper <= alone.upper + 1e-9))
+    whole = identify(motor.system(), parts, sizes=one_batch)
+    assert whole.batches == 1
+    widths = (found.upper - found.lower) / (whole.upper - whole.lower)
+    assert np.all(widths < 1.01), widths
+    # without processing both together too, what only both identify is wider
+    apart = identify(motor.system(), parts, sizes=SMALL._replace(together=2000))
+    assert np.all((apart.lower <= TRUTH) & (apart.upper >= TRUTH))
+    widths = (apart.upper - apart.lower) / (whole.upper - whole.lower)
+    assert np.all(widths < 1.5), widths
+    assert np.any(widths > 1.1), widths
+
+
+def test_one_bad_batch_contradicts_the_axis(parts):
+    """0.6 V more for a while, which no δ of 0.25 V explains; the factor is that of this batch."""
+    first, second, third, last = parts
+    pushed = Log(third.input.at[300:600].add(0.6), third.position, PERIOD, third.resolution)
+    _, error = proved(motor.system(), [first, second, pushed, last])
+    assert "unless the disturbance bound is at least" in str(error)
+    _, alone = proved(motor.system(), [pushed, last])
+    assert error.factor == pytest.approx(alone.factor, rel=2e-3)
+    assert error.factor > 1.0
+
+
+def test_batches_that_contradict_one_another(parts):
+    """Each log alone has a plant of the box, but the second one another mass."""
+    system, heavy = motor.system(), 1.45
+
+    def scaled(log, factor):
+        return Log(factor * log.input, log.position, PERIOD, log.resolution)
+
+    other = [scaled(log, heavy) for log in parts[:2]]
+    assert proved(system, other)[0] is not None
+    _, error = proved(system, [*parts[:2], *other])
+    # what both together would take, though neither by itself takes more than δ
+    assert error.factor > 1.0
+    assert "unless the disturbance bound is at least" in str(error)
+    # of a log that is too long to be processed together, no more than that is said
+    small = SMALL._replace(samples=800, together=1500)
+    _, apart = proved(system, [parts[1], parts[0], *other], small)
+    assert apart.factor is None or apart.factor <= error.factor * 1.001
+    assert apart.factor is not None or "explains the first 3 batches" in str(apart)
+
+
+def test_a_parameter_that_one_batch_identifies_is_identifiable(parts):
+    """A batch at one speed does not identify M; another one does."""
+    n, speed = 1200, 0.5
+    u = jnp.full(n, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
+    y = jnp.round((0.1 + speed * PERIOD * jnp.arange(n + 1)) / 1e-6) * 1e-6
+    slow = Log(u, y, PERIOD, 1e-6)
+    assert "M" in identify(motor.system(), slow, sizes=SMALL).unidentifiable
+    found = identify(motor.system(), [slow, *parts[:2]], sizes=SMALL)
+    assert found.batches == 2
+    assert not found.unidentifiable
+
+
+def at_speed(speed):
+    """400 ticks of the motor without acceleration."""
+    u = jnp.full(400, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
+    y = jnp.round(speed * PERIOD * jnp.arange(401) / 1e-6) * 1e-6
+    return Log(u, y, PERIOD, 1e-6)
+
+
+def test_what_only_two_batches_identify_together_is_identifiable():
+    """Two speeds separate friction from damping; one of them alone does not."""
+    sizes = SMALL._replace(samples=500)
+    small = motor.system().with_disturbance_bound(ConstantBound(0.02))
+    slow, fast = at_speed(0.2), at_speed(1.5)
+    assert "B" in identify(small, slow, sizes=sizes).unidentifiable
+    assert "B" in identify(small, fast, sizes=sizes).unidentifiable
+    found = identify(small, [slow, fast], sizes=sizes)
+    assert found.batches == 2
+    assert "B" not in found.unidentifiable
+    assert "M" in found.unidentifiable
+    # also of logs that are too long to be processed together, by the most informative batches
+    sizes = sizes._replace(together=900)
+    longer = [at_speed(v) for v in (0.2, 0.21, 0.2, 1.5, 0.2, 1.4)]
+    chosen = most_informative(small, [[log] for log in longer], sizes)
+    assert len(chosen) == 2
+    assert sum(log is longer[3] for log in chosen) == 1
+    found = identify(small, longer, sizes=sizes)
+    assert found.batches == 6
+    assert "B" not in found.unidentifiable
+
+
+def test_short_logs_take_no_weights_from_a_long_one(parts):
+    """A log of 749 ticks beside 60 of 10: its intervals are as narrow as without them."""
+    sizes = SMALL._replace(knots=150)
+    long, short = parts[0], [cut(parts[1], 10 * k, 10) for k in range(60)]
+    alone = identify(motor.system(), long, sizes=sizes)
+    beside = identify(motor.system(), [long, *short], sizes=sizes)
+    assert beside.batches == 1
+    assert beside.samples_per_weight == pytest.approx(1349 / (83 + 60 * 2))
+    assert beside.samples_per_weight == samples_per_weight(150, [long, *short])
+    widths = (beside.estimate.upper - beside.estimate.lower) / (
+        alone.estimate.upper - alone.estimate.lower
+    )
+    assert np.all(widths < 1.01), widths
+
+
+def test_what_no_disturbance_explains_is_a_contradiction(parts):
+    """An input of the wrong sign and unit."""
+    first = parts[0]
+    wrong = Log(-1e4 * first.input, first.position, PERIOD, first.resolution)
+    for logs in ([wrong], [*parts[:2], wrong]):
+        _, error = proved(motor.system(), logs)
+        assert error.factor == MOST
+        assert "at least 1000·δ; an input, a unit or a sign must be wrong" in str(error)
+
+
+def test_no_logs_and_single_precision_are_refused(parts):
+    with pytest.raises(ValueError, match="`logs` must hold one log at least"):
+        identify(motor.system(), [])
+    single = Log(*(x.astype(jnp.float32) for x in (parts[0].input, parts[0].position)), PERIOD, 0.0)
+    with pytest.raises(ValueError, match="`logs` must be float64"):
+        identify(motor.system(), single)
+
+
+def test_what_is_needed_at_least_is_rounded_down():
+    assert rounded_down(1.2399) == pytest.approx(1.23)
+    assert rounded_down(0.0129999) == pytest.approx(0.0129)
+    assert rounded_down(1.0) == 1.0
