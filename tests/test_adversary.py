@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.loop.closed_loop import Loop, SampledPlants, plant_violations
+from jaxid.loop.closed_loop import ClosedLoop, SampledPlants, plant_violations
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.scenarios import every, random_scenarios, vertices
 from jaxid.loop.sensors import IdealSensor
@@ -21,8 +21,8 @@ H, TICKS = motor.CONTROL_PERIOD, 3000
 
 
 @pytest.fixture(scope="module")
-def loop() -> Loop:
-    return Loop(motor.provable_controller(), IdealSensor(), H, TICKS)
+def loop() -> ClosedLoop:
+    return ClosedLoop(motor.provable_controller(), IdealSensor(), H, TICKS)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_random_plants_do_not_depend_on_their_number():
 def test_a_loop_that_diverges_keeps_no_limit(motion):
     """Its signals end as NaN, which a maximum over many of them passes over on some processors."""
     wild = eqx.tree_at(lambda c: c.epsilon, motor.controller(), jnp.asarray(1e-4))
-    loop = Loop(wild, IdealSensor(), H, TICKS)
+    loop = ClosedLoop(wild, IdealSensor(), H, TICKS)
     plants = every(motor.system(), vertices(motor.system())[:2], [NoDisturbance()])
     signals = plants.map(lambda plant: loop(plant, motion)[1])
     assert jnp.any(jnp.isnan(signals.position))

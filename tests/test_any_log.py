@@ -7,10 +7,10 @@ import pytest
 from jaxid.axis.file import read_axis
 from jaxid.axis.identify import identify_axis
 from jaxid.io.log_file import read_log
-from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import LowSpeedFriction
-from jaxid.loop.sensors import Encoder
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.motion.trajectory import uniform
 
@@ -82,9 +82,7 @@ def test_a_servo_of_any_rate(tmp_path, rate, knot):
     axis = read_axis(tmp_path / "axis.toml")
     law = PDFeedforward(axis.system, axis.system.centre, 3000.0, 250.0)
     plant = Plant(axis.system, TRUTH, LowSpeedFriction(amplitude=3.0, speed=0.05))
-    encoder = Encoder(2e-6)
-    _, signals = run(plant, law, encoder, motion, period)
-    log = log_of(signals, encoder, period)
+    log = run(plant, law, Servo(period, 2e-6), motion).log
     n = log.input.size
     rng = np.random.default_rng(rate)
     stamps = 1e3 * period * (np.arange(n) + rng.uniform(-0.03, 0.03, n))

@@ -10,20 +10,20 @@ from conftest import uniform_in_box
 
 from experiments.axes import one_link_arm as arm
 from experiments.beyond import arm as one_link_arm
-from jaxid.design.criteria import planned_error
-from jaxid.design.optimal_motion import design_motion
+from jaxid.design.criteria import LeastSquaresError, planned_error
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import Sequence
-from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.simulate import Plant
 from jaxid.motion.task import Task
 from jaxid.motion.violation import worst_violation
 from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.filters import adjoint, filtered
 from jaxid.regression.worst_case import least_squares
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
 W = 500.0
 
@@ -32,19 +32,16 @@ W = 500.0
 def test_from_design_to_identified_interval(key):
     system, limits, boundary = arm.system(), arm.limits(), arm.boundary()
     effort = Effort(
-        starts=16, generations=0, stages=2, rounds=1, variations=16, parents=4, polished=1
+        starts=16, generations=0, stages=2, rounds=1, variations=16, parents=4, finalists=1
     )
-    design = design_motion(
-        system, Task(limits, boundary, 50, arm.KNOT_PERIOD), "G", key, effort=effort
-    )
-    trajectory = design.trajectory
+    task = Task(limits, boundary, 50, arm.KNOT_PERIOD)
+    trajectory = optimal_motion(task, LeastSquaresError(system, "G"), key, effort=effort).trajectory
     assert worst_violation(limits, boundary, trajectory) <= 0
     star = planned_error(system, trajectory)
     assert star[3] < system.half_widths[3] / 2
 
     law = arm.controller()
-    sensor = Encoder(arm.ENCODER_RESOLUTION)
-    record, signals = run(arm.plant(), law, sensor, trajectory, arm.CONTROL_PERIOD)
+    record, signals, _ = run(arm.plant(), law, arm.servo(), trajectory)
     error = signals.position[:-1] - signals.reference.position
     assert jnp.max(jnp.abs(error)) < 0.02
     estimate = filtered_least_squares(record, system, W, arm.CONTROL_PERIOD)
@@ -57,9 +54,8 @@ def test_from_design_to_identified_interval(key):
     worst = Sequence(jnp.sign(adjoint(weights, W, arm.CONTROL_PERIOD)))
     pd = PDFeedforward(system, system.centre, 200.0, 4.0)
     for theta in uniform_in_box(jax.random.key(1), system.lower, system.upper, 20):
-        record, _ = run(
-            Plant(system, theta, worst), pd, IdealSensor(), trajectory, arm.CONTROL_PERIOD
-        )
+        plant = Plant(system, theta, worst)
+        record = run(plant, pd, arm.servo(), trajectory, sensor=IdealSensor()).record
         estimate = filtered_least_squares(record, system, W, arm.CONTROL_PERIOD)
         assert jnp.all(jnp.abs(estimate.theta - theta) <= estimate.bound * (1 + 1e-9))
 

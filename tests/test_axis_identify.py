@@ -17,9 +17,8 @@ from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io.files import read_trajectory
 from jaxid.io.log_file import Recorded
 from jaxid.io.segments import steady_segments
-from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.closed_loop import run
 from jaxid.loop.log import InconsistentLogError
-from jaxid.loop.sensors import Encoder
 from jaxid.motion.trajectory import uniform
 
 DELAY = 2
@@ -39,9 +38,7 @@ UNITS = [
 def log(figures):
     """Of the motor, with cogging and friction."""
     motion = read_trajectory(figures / "trajectory_minimax.csv")
-    encoder, period = Encoder(motor.ENCODER_RESOLUTION), motor.CONTROL_PERIOD
-    _, signals = run(motor.plant(), motor.controller(), encoder, motion, period)
-    return log_of(signals, encoder, period)
+    return run(motor.plant(), motor.controller(), motor.servo(), motion).log
 
 
 def rows_of(log):
@@ -190,9 +187,7 @@ def test_a_log_of_any_motion_will_do(tmp_path):
     """Constant speeds there and back, that nobody designed."""
     jerk = jnp.array([60.0, -60.0, 0.0, -60.0, 60.0, -60.0, 60.0, 0.0, 60.0, -60.0])
     motion = uniform(jnp.zeros(3), jerk, 0.06)
-    encoder, period = Encoder(motor.ENCODER_RESOLUTION), motor.CONTROL_PERIOD
-    _, signals = run(motor.plant(), motor.controller(), encoder, motion, period)
-    log = log_of(signals, encoder, period)
+    _, signals, log = run(motor.plant(), motor.controller(), motor.servo(), motion)
     (tmp_path / "axis.toml").write_text(example("linear"))
     recorded = Recorded(None, np.asarray(log.position)[:-1], np.asarray(log.input))
     found = identify_axis(read_axis(tmp_path / "axis.toml"), recorded)

@@ -10,9 +10,8 @@ from jaxid.axis.file import example, read_axis
 from jaxid.axis.prior import propose
 from jaxid.identification.least_squares import fit_least_squares
 from jaxid.io.log_file import Recorded
-from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.closed_loop import run
 from jaxid.loop.log import Log
-from jaxid.loop.sensors import Encoder
 from jaxid.motion.trajectory import uniform
 
 PERIOD = motor.CONTROL_PERIOD
@@ -23,10 +22,8 @@ TRUTH = np.array(motor.TRUE_PARAMETERS)
 def jog():
     """Constant speeds there and back."""
     jerk = jnp.array([60.0, -60.0, 0.0, -60.0, 60.0, -60.0, 60.0, 0.0, 60.0, -60.0])
-    encoder = Encoder(motor.ENCODER_RESOLUTION)
     motion = uniform(jnp.zeros(3), jerk, 0.06)
-    _, signals = run(motor.plant(), motor.controller(), encoder, motion, PERIOD)
-    return log_of(signals, encoder, PERIOD)
+    return run(motor.plant(), motor.controller(), motor.servo(), motion).log
 
 
 def test_a_fit_is_that_of_the_means_by_hand(jog):

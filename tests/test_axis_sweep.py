@@ -12,7 +12,7 @@ from jaxid.axis import sweep as axis_sweep
 from jaxid.axis.design import played
 from jaxid.axis.file import example, read_axis
 from jaxid.io.files import read_dataset, read_trajectory
-from jaxid.loop.closed_loop import Loop
+from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.controllers import ARC, Delayed, OpenLoop, PDFeedforward
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.sensors import Encoder
@@ -57,7 +57,7 @@ def test_a_folder_of_designs_is_swept(folder):
     motion = read_trajectory(folder / "choice" / "all_1s" / "trajectory.csv", "rotary")
     whole, period = played(axis, motion), axis.servo.period
     assert float(whole.duration) > 1.05
-    loop = Loop(Delayed(axis.controller, 1), Encoder(1e-5), period, ticks(whole, period))
+    loop = ClosedLoop(Delayed(axis.controller, 1), Encoder(1e-5), period, ticks(whole, period))
     record, signals = loop(Plant(axis.system, axis.system.centre, NoDisturbance()), whole)
     one = found.sel(design="all", gains="× 1", scenario="middle of the box, no Δ").squeeze()
     error = jnp.abs(signals.position[:-1] - signals.reference.position)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.paper.designs import TOY, with_starts
+from experiments.paper.designs import TOY
 from jaxid.axis import cli
 from jaxid.axis import design as axis_design
 from jaxid.axis import tradeoff as axis_tradeoff
@@ -25,7 +25,7 @@ from jaxid.regression.lower_bound import lower_bound
 
 @pytest.fixture
 def toy(monkeypatch):
-    monkeypatch.setitem(cli.EFFORTS, "quick", with_starts(TOY))
+    monkeypatch.setitem(cli.EFFORTS, "quick", TOY)
 
 
 def refused(capsys, *arguments):

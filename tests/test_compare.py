@@ -22,7 +22,8 @@ from jaxid.motion.task import Task
 from jaxid.motion.violation import worst_violation
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.worst_case import infinity
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
+from jaxid.search.problem import Problem
 from jaxid.search.restoration import interior_motion, restored
 
 TASK = Task(motor.limits(), motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
@@ -103,7 +104,7 @@ def test_a_family_is_given_at_least_the_starts_and_evaluations_of_a_design():
 
 def test_a_search_in_a_family_improves_and_keeps_the_limits(key):
     objective = PlannedError(motor.system(), infinity(motor.system().half_widths), 2.0, 5)
-    problem, one = TASK.problem(objective), family("bang_bang")
+    problem, one = Problem.of(TASK, objective), family("bang_bang")
     deep = interior_motion(problem, TASK.intervals, TASK.period)
     random = jax.random.normal(key, (128, one.size))
     start = min(float(problem.value(restored(problem, deep, one.trajectory(z)))) for z in random)

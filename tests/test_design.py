@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.design.criteria import PlannedError, planned_error
-from jaxid.design.optimal_motion import design_motion
+from jaxid.design.criteria import LeastSquaresError, PlannedError, planned_error
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.motion.feasibility import interior
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.task import Task
@@ -16,12 +16,12 @@ from jaxid.motion.violation import worst_violation
 from jaxid.regression.worst_case import individual, infinity
 from jaxid.search.arc_structures import Arcs, jerk_of
 from jaxid.search.augmented_lagrangian import stages
+from jaxid.search.effort import Effort
 from jaxid.search.initial_guesses import grown, rearranged
-from jaxid.search.multistart import Effort, design
 from jaxid.search.problem import Problem
 
 T = motor.KNOT_PERIOD
-SMALL = Effort(starts=16, generations=20, stages=2, rounds=1, variations=16, parents=4, polished=1)
+SMALL = Effort(starts=16, generations=20, stages=2, rounds=1, variations=16, parents=4, finalists=1)
 TASK = Task(motor.limits(), motor.boundary(), intervals=60, period=T)
 PLAIN = SMALL._replace(generations=0)
 
@@ -33,7 +33,7 @@ def test_any_function_of_a_motion_can_be_designed_for(key):
     def objective(trajectory: JerkTrajectory, smoothing):
         return -jnp.log(trajectory.states(jnp.array([0.15])).position[0] + 0.05)
 
-    found = design(objective, TASK, key, effort=PLAIN)
+    found = optimal_motion(TASK, objective, key, effort=PLAIN)
     reached = float(found.trajectory.states(jnp.array([0.15])).position[0])
     assert reached == pytest.approx(highest_at(15), rel=2e-4)
     assert worst_violation(motor.limits(), motor.boundary(), found.trajectory) <= 0
@@ -55,7 +55,7 @@ def highest_at(knot: int) -> float:
 @pytest.mark.usefixtures("quick_compilation")
 def test_a_small_search_comes_near_the_best_known_within_the_limits(key):
     system = motor.system()
-    found = design_motion(system, TASK, "Fc", key, effort=SMALL)
+    found = optimal_motion(TASK, LeastSquaresError(system, "Fc"), key, effort=SMALL)
     # seeds 0 to 2 came within 1.5 to 4.6 % of the best known, without dwells within 1.5 to 6.7 %
     assert planned_error(system, found.trajectory)[2] < 1.05 * 0.2108
     assert worst_violation(TASK.limits, TASK.boundary, found.trajectory) <= 0
@@ -64,9 +64,9 @@ def test_a_small_search_comes_near_the_best_known_within_the_limits(key):
 
 @pytest.mark.usefixtures("quick_compilation")
 def test_same_key_same_motion(key):
-    args = (motor.system(), TASK, "M", key)
-    tiny = SMALL._replace(starts=8, generations=3, steps=5, variations=8, parents=2, polish_steps=5)
-    one, other = (design_motion(*args, effort=tiny) for _ in range(2))
+    args = (TASK, LeastSquaresError(motor.system(), "M"), key)
+    tiny = SMALL._replace(starts=8, generations=3, steps=5, variations=8, parents=2, programs=5)
+    one, other = (optimal_motion(*args, effort=tiny) for _ in range(2))
     np.testing.assert_array_equal(one.trajectory.jerk, other.trajectory.jerk)
 
 

@@ -25,14 +25,13 @@ PERIOD, W = motor.CONTROL_PERIOD, motor.BANDWIDTH
 
 @pytest.fixture(scope="module")
 def nominal(motion):
-    return run(motor.plant(), motor.controller(), Encoder(0.5e-6), motion, PERIOD, 3)
+    return run(motor.plant(), motor.controller(), motor.servo(), motion, repeats=3)[:2]
 
 
 @pytest.mark.parametrize(("name", "index"), [("M", 0), ("B", 1), ("Fc", 2)])
 def test_filtered_bound_is_within_two_per_cent_of_the_planned_one(name, index, figures):
     designed = read_trajectory(figures / f"trajectory_{name}.csv")
-    sensor = Encoder(motor.ENCODER_RESOLUTION)
-    record, _ = run(motor.plant(), motor.controller(), sensor, designed, PERIOD, 3)
+    record = run(motor.plant(), motor.controller(), motor.servo(), designed, repeats=3).record
     estimate = filtered_least_squares(record, motor.system(), W, PERIOD)
     ratio = estimate.bound[index] / planned_error(motor.system(), designed)[index]
     assert abs(ratio - 1) < 0.02

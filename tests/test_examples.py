@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments._support.examples import Example, logged
+from experiments._support.examples import Example
 from experiments.axes import cart, pendulum
 from jaxid.identification.falsification import smallest_disturbance_factor
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io.files import read_table, read_trajectory
+from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import Moment
 from jaxid.motion.violation import worst_violation
 
@@ -109,7 +110,7 @@ def test_known_cogging_makes_delta_and_all_intervals_smaller(figures, tmp_path):
 
 def test_cogging_that_is_left_out_is_contradicted(figures):
     motion = read_trajectory(figures / f"cart_{cart.IN_DELTA}.csv")
-    log = logged(cart.plant(), cart.controller(), cart.SERVO, motion)
+    log = run(cart.plant(), cart.controller(), cart.SERVO, motion).log
     left_out = cart.in_delta(cart.REST)
     assert smallest_disturbance_factor(left_out, [log], cart.KNOTS) > 2
     with pytest.raises(ValueError, match="contradict each other around tick"):

@@ -10,17 +10,17 @@ import pytest
 from scipy.optimize import OptimizeResult, linprog
 
 from experiments.axes import linear_motor as motor
-from jaxid.identification.falsification import smallest_factor
-from jaxid.identification.feasible_parameter_set import MOST, feasible_set, projection
+from jaxid.identification.falsification import MOST, smallest_factor
+from jaxid.identification.feasible_parameter_set import feasible_set, projection
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.regression_rows import exact_rows, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.identification.unidentifiable import unidentifiable_directions
-from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.log import InconsistentLogError
 from jaxid.loop.record import Record, Rows
-from jaxid.loop.sensors import Encoder
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.regression.estimate import estimate
 from jaxid.regression.estimators import ESTIMATORS
@@ -149,10 +149,9 @@ def test_what_the_data_cannot_tell_apart_is_named():
 @pytest.fixture(scope="module")
 def experiment(motion):
     """A log, and the share of δ that disturbed it at most."""
-    encoder = Encoder(Q)
-    record, signals = run(motor.plant(), motor.controller(), encoder, motion, H)
+    record, _, log = run(motor.plant(), motor.controller(), Servo(H, Q), motion)
     share = float(jnp.max(jnp.abs(record.disturbance) / record.rows.delta))
-    return log_of(signals, encoder, H), share
+    return log, share
 
 
 def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
@@ -186,10 +185,8 @@ def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
 
 
 def test_an_input_that_hides_a_force_is_falsified(motion):
-    encoder = Encoder(Q)
     plant = Plant(SYSTEM, SYSTEM.centre, NoDisturbance())
-    _, signals = run(plant, motor.controller(), encoder, motion, H)
-    log = log_of(signals, encoder, H)
+    log = run(plant, motor.controller(), Servo(H, Q), motion).log
     time = jnp.arange(log.input.size) * H
     pulled = eqx.tree_at(lambda x: x.input, log, log.input + 1.5 * jnp.sin(80.0 * time))
     with pytest.raises(ValueError, match=r"no θ of the box|contradict"):

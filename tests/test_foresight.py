@@ -12,10 +12,10 @@ from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 
 SERVO = motor.servo()
-CONTROLLED = SERVO._replace(controller=motor.controller())
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +44,8 @@ def test_an_axis_that_follows_needs_the_input_of_the_middle_of_the_box(motion):
 def test_a_controlled_one_leaves_what_a_run_leaves(motion):
     system = motor.system()
     plant = Plant(system, system.centre, NoDisturbance())
-    _, signals = run(plant, motor.controller(), IdealSensor(), motion, SERVO.period)
-    log = nominal_log(system, motion, CONTROLLED)
+    signals = run(plant, motor.controller(), SERVO, motion, sensor=IdealSensor()).signals
+    log = nominal_log(system, motion, SERVO, motor.controller())
     # compiled together with the rest of a log it differs in last bits, which a loop keeps small
     np.testing.assert_allclose(log.position, signals.position, atol=1e-12)
     np.testing.assert_allclose(log.input, signals.input, atol=1e-8)
@@ -53,9 +53,11 @@ def test_a_controlled_one_leaves_what_a_run_leaves(motion):
 
 
 @pytest.mark.parametrize(
-    ("servo", "tolerance"), [(SERVO, 1e-8), (CONTROLLED, 1e-3)], ids=["following", "controlled"]
+    ("controller", "tolerance"),
+    [(None, 1e-8), (motor.controller(), 1e-3)],
+    ids=["following", "controlled"],
 )
-def test_the_states_half_way_are_those_between_the_positions(motion, servo, tolerance):
+def test_the_states_half_way_are_those_between_the_positions(motion, controller, tolerance):
     """Mean velocity and, from it, acceleration.
 
     In one tick in which friction turns, the mean of the ends is 2e-4 m/s off the mean velocity. A
@@ -63,8 +65,8 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo, tole
     or a turn of friction in between: 4e-9 and 3e-4 m/s² in 98 % of all ticks. A turn is a step of
     2·F_c/M, 3.8 m/s² in the middle of the box, of which the mean of both states takes half.
     """
-    log, states = nominal_log_model(motor.system(), motion, servo)(motion)
-    h = servo.period
+    log, states = nominal_log_model(motor.system(), motion, SERVO, controller)(motion)
+    h = SERVO.period
     np.testing.assert_allclose(
         states.position, (log.position[1:] + log.position[:-1]) / 2, atol=1e-6
     )
@@ -76,9 +78,9 @@ def test_the_states_half_way_are_those_between_the_positions(motion, servo, tole
     assert np.max(np.abs(mean)) > 40.0
 
 
-@pytest.mark.parametrize("servo", [SERVO, CONTROLLED], ids=["following", "controlled"])
-def test_its_slope_is_that_of_finite_differences(motion, servo, key):
-    closed = nominal_log_model(motor.system(), motion, servo)
+@pytest.mark.parametrize("controller", [None, motor.controller()], ids=["following", "controlled"])
+def test_its_slope_is_that_of_finite_differences(motion, controller, key):
+    closed = nominal_log_model(motor.system(), motion, SERVO, controller)
 
     @eqx.filter_jit
     def position(jerk):
@@ -90,16 +92,43 @@ def test_its_slope_is_that_of_finite_differences(motion, servo, key):
     assert (ends[0] - ends[1]) / 0.02 == pytest.approx(slope, rel=1e-5)
 
 
-def test_a_servo_that_cannot_be_is_refused(motion):
-    for wrong, word in (
-        (SERVO._replace(period=0.0007), "`period` must divide"),
-        (SERVO._replace(period=0.0), "`period` of a servo must be positive"),
-        (SERVO._replace(period=float("nan")), "`period` of a servo must be positive"),
-        (SERVO._replace(period=0.6), "`period` of a servo must be half"),
-        (SERVO._replace(resolution=-1.0), "`resolution`"),
-        (SERVO._replace(resolution=float("nan")), "`resolution`"),
-        (SERVO._replace(velocity_error=-1.0), "`velocity_error`"),
-        (SERVO._replace(velocity_error=float("inf")), "`velocity_error`"),
-    ):
-        with pytest.raises(ValueError, match=word):
-            nominal_log(motor.system(), motion, wrong)
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"period": 0.0}, "`period` of a servo must be positive"),
+        ({"period": float("nan")}, "`period` of a servo must be positive"),
+        ({"resolution": -1.0}, "`resolution` of a servo must be at least zero"),
+        ({"resolution": float("nan")}, "`resolution` of a servo must be at least zero"),
+        ({"delay": -1}, "`delay` of a servo must be at least zero"),
+        ({"delay": 0.5}, "`delay` of a servo must be a whole number of periods"),
+        ({"jitter": -1e-6}, "`jitter` of a servo must be at least zero"),
+        ({"jitter": 1.1e-4}, "`jitter` of a servo must be 0.1 of its period at most"),
+    ],
+)
+def test_a_servo_that_cannot_be_is_refused_when_it_is_made(wrong, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        Servo(**({"period": 0.001} | wrong))
+
+
+@pytest.mark.parametrize(
+    ("period", "sentence"),
+    [(0.0007, "`period` must divide"), (0.6, "`period` of a servo must be half")],
+)
+def test_a_period_that_no_log_of_the_motion_has_is_refused(motion, period, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        nominal_log(motor.system(), motion, Servo(period))
+
+
+def test_a_log_is_what_the_servo_reads_of_a_run(motion):
+    """Positions to the nearest count, inputs as they act; exact without a resolution."""
+    servo, exact = Servo(SERVO.period, 1e-5, delay=1, jitter=1e-5), Servo(SERVO.period, delay=1)
+    plant = Plant(motor.system(), motor.TRUE_PARAMETERS, NoDisturbance())
+    _, signals, log = run(plant, motor.controller(), servo, motion, substeps=2)
+    np.testing.assert_array_equal(log.input, signals.input)
+    read = np.asarray(signals.position)[::2]
+    assert np.max(np.abs(log.position - read)) <= 0.5e-5 * (1 + 1e-9)
+    np.testing.assert_allclose(np.asarray(log.position) / 1e-5 % 1.0 % 1.0, 0.0, atol=1e-6)
+    assert (float(log.resolution), float(log.jitter)) == (1e-5, 1e-5)
+    np.testing.assert_array_equal(exact.log(signals).position, read)
+    # a command acts one period later: until then the axis is held by the first one
+    assert float(signals.input[0]) == float(signals.input[1])

@@ -10,9 +10,8 @@ from jaxid.identification.batches import BatchSizes, batches, most_informative, 
 from jaxid.identification.falsification import MOST
 from jaxid.identification.identify import identify, rounded_down
 from jaxid.io.files import read_trajectory
-from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.closed_loop import run
 from jaxid.loop.log import InconsistentLogError, Log
-from jaxid.loop.sensors import Encoder
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.motion.trajectory import uniform
 
@@ -24,9 +23,7 @@ PERIOD = motor.CONTROL_PERIOD
 def parts(figures):
     """Four logs of 749 ticks, cut from one of the motor."""
     motion = read_trajectory(figures / "trajectory_minimax.csv")
-    encoder = Encoder(motor.ENCODER_RESOLUTION)
-    _, signals = run(motor.plant(), motor.controller(), encoder, motion, PERIOD)
-    whole = log_of(signals, encoder, PERIOD)
+    whole = run(motor.plant(), motor.controller(), motor.servo(), motion).log
     return [cut(whole, first, 749) for first in range(0, 2996, 749)]
 
 

@@ -18,10 +18,10 @@ from jaxid.identification.modulating_functions import Program, pieces
 from jaxid.identification.regression_rows import boxes, exact_rows, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.io.files import read_trajectory
-from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
 from jaxid.loop.log import Log, filled
-from jaxid.loop.sensors import Encoder
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 
 SYSTEM = motor.system()
@@ -33,11 +33,9 @@ def logs_of(figures, theta, disturbances):
     """Of the motions for M and for B, by two servos."""
     found = []
     for name, (resolution, period), disturbance in zip("MB", SERVOS, disturbances, strict=True):
-        encoder = Encoder(resolution)
         motion = read_trajectory(figures / f"trajectory_{name}_N30.csv")
         plant = Plant(SYSTEM, theta, disturbance)
-        _, signals = run(plant, motor.controller(), encoder, motion, period)
-        found.append(log_of(signals, encoder, period))
+        found.append(run(plant, motor.controller(), Servo(period, resolution), motion).log)
     return found
 
 

@@ -14,12 +14,12 @@ from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.modulating_functions import modulating
 from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
-from jaxid.loop.closed_loop import log_of
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
 from jaxid.loop.log import Log, filled
 from jaxid.loop.scenarios import random_parameters, vertices
-from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant, simulate
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.regressors import Constant, Viscous
@@ -40,10 +40,10 @@ def law(axis):
 def experiment(axis, trajectory, theta, disturbance, resolution, period, ticks):
     """A log of the closed loop, and its true signals at ten steps per tick."""
     plant = Plant(axis.system(), theta, disturbance)
-    encoder = Encoder(resolution)
+    servo = Servo(period, resolution)
     desired = reference(trajectory, period, ticks)
-    _, signals = simulate(plant, law(axis), encoder, desired, period, SUBSTEPS)
-    return log_of(signals, encoder, period), signals
+    _, signals = simulate(plant, law(axis), servo.sensor, desired, period, SUBSTEPS)
+    return servo.log(signals), signals
 
 
 def during(values, ticks):

@@ -12,8 +12,7 @@ import pytest
 from experiments.axes import linear_motor as motor
 from jaxid.axis.file import example
 from jaxid.io.files import read_trajectory
-from jaxid.loop.closed_loop import log_of, run
-from jaxid.loop.sensors import Encoder
+from jaxid.loop.closed_loop import run
 
 SIZE = int(float(os.environ.get("JAXID_LONG_LOG", "0")) * 1e6)  # bytes
 
@@ -47,15 +46,13 @@ def test_a_long_log_is_read_in_little_memory(figures, tmp_path, capfd):
 def written(figures, path):
     """As many rows as are that many bytes, by a loop that runs all the time."""
     motion = read_trajectory(figures / "trajectory_minimax.csv")
-    encoder, period = Encoder(motor.ENCODER_RESOLUTION), motor.CONTROL_PERIOD
     repeats = SIZE // (38 * 3000) + 1  # bytes of a row, rows of a motion
-    _, signals = run(motor.plant(), motor.controller(), encoder, motion, period, repeats)
-    log = log_of(signals, encoder, period)
+    log = run(motor.plant(), motor.controller(), motor.servo(), motion, repeats=repeats).log
     input, position = np.asarray(log.input), np.asarray(log.position)[:-1]
     with open(path, "w") as file:
         file.write("time_s,position_m,input\n")
         for start in range(0, input.size, 100_000):
             part = slice(start, start + 100_000)
-            time = np.arange(input.size)[part] * period
+            time = np.arange(input.size)[part] * motor.CONTROL_PERIOD
             np.savetxt(file, np.stack([time, position[part], input[part]], 1), "%.10g", ",")
     return input.size

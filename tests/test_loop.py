@@ -8,7 +8,7 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid.design.criteria import FilteredError, PerfectTracking, ThroughLoop, planned_error
-from jaxid.loop.closed_loop import Loop, SampledPlants
+from jaxid.loop.closed_loop import ClosedLoop, SampledPlants
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.scenarios import Scenarios, every, random_parameters, vertices
 from jaxid.loop.sensors import IdealSensor
@@ -30,10 +30,10 @@ def one_plant() -> Scenarios:
     return every(motor.system(), theta, [motor.plant().disturbance])
 
 
-def ideal_loop(gain=1.0, repeats=1) -> Loop:
+def ideal_loop(gain=1.0, repeats=1) -> ClosedLoop:
     controller = motor.controller()
     controller = eqx.tree_at(lambda c: c.gamma, controller, gain * controller.gamma)
-    return Loop(controller, IdealSensor(), H, TICKS, repeats)
+    return ClosedLoop(controller, IdealSensor(), H, TICKS, repeats)
 
 
 @eqx.filter_jit
@@ -228,7 +228,7 @@ def test_the_envelope_is_what_the_plants_do_one_by_one(motion):
     system = motor.system()
     thetas = random_parameters(jax.random.key(3), system, 3)
     kinds = [AgainstTracking(200.0), NoDisturbance()]
-    loop = Loop(motor.controller(), IdealSensor(), H, TICKS, 2, substeps=2)
+    loop = ClosedLoop(motor.controller(), IdealSensor(), H, TICKS, 2, substeps=2)
     found = SampledPlants(loop, every(system, thetas, kinds))(motion)
     runs = []
     for theta in thetas:

@@ -9,7 +9,7 @@ import pytest
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.design.criteria import FilteredError, PlannedError, ThroughLoop
-from jaxid.loop.closed_loop import Loop, SampledPlants
+from jaxid.loop.closed_loop import ClosedLoop, SampledPlants
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.scenarios import every, vertices
 from jaxid.loop.sensors import IdealSensor
@@ -20,18 +20,19 @@ from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import States
 from jaxid.motion.violation import Prediction, axis_violations
 from jaxid.regression.worst_case import individual
+from jaxid.search.effort import Effort
 from jaxid.search.frozen_loop import FrozenLoop, axis_conditions, fixed_margins, freeze
-from jaxid.search.local import Effort, refine
+from jaxid.search.local import improve
 from jaxid.search.problem import Problem
 from jaxid.search.restoration import interior_motion, restored, stepped_back
-from jaxid.search.slp import polish, repaired
+from jaxid.search.slp import refined, repaired
 
 H, T, TICKS = motor.CONTROL_PERIOD, motor.KNOT_PERIOD, 3000
 BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}
 
 
-def loop() -> Loop:
-    return Loop(motor.controller(), IdealSensor(), H, TICKS)
+def loop() -> ClosedLoop:
+    return ClosedLoop(motor.controller(), IdealSensor(), H, TICKS)
 
 
 def centre():
@@ -70,9 +71,9 @@ def problem() -> Problem:
 def test_a_refined_motion_is_better_and_the_axis_keeps_its_limits(problem, motion):
     """The start touches the limit of speed, so its axis leaves it; the result's does not."""
     assert problem.violation(motion) > 1e-5
-    effort = Effort(rounds=2, steps=10, polish_steps=20)
+    effort = Effort(newton_rounds=2, newton_steps=10, programs=20)
     said = []
-    found = refine(problem, motion, effort, said.append)
+    found = improve(problem, motion, effort, said.append)
     assert problem.violation(found.trajectory) <= 0
     assert found.history[-1] < found.history[0] - 3e-4  # 5.6e-4, after a repair that gains more
     assert found.value < float(problem.value(motion)) - 1e-3
@@ -90,17 +91,17 @@ def test_a_refined_motion_is_better_and_the_axis_keeps_its_limits(problem, motio
 
 def test_nothing_but_an_improvement_is_accepted(problem, motion):
     """With no steps at all the start comes back, in its limits."""
-    effort = Effort(rounds=0, steps=1, polish_steps=0)
-    found = refine(problem, motion, effort)
+    effort = Effort(newton_rounds=0, programs=0)
+    found = improve(problem, motion, effort)
     assert len(found.history) == 1
-    again = refine(problem, found.trajectory, effort)
+    again = improve(problem, found.trajectory, effort)
     np.testing.assert_array_equal(again.trajectory.jerk, found.trajectory.jerk)
 
 
 def test_an_axis_that_cannot_keep_its_limits_is_refused(motion):
     weak = eqx.tree_at(lambda x: x.input, motor.limits(), jnp.array([-0.1, 0.1]))
     with pytest.raises(ValueError, match=r"`limits`: the axis leaves them by .* gentlest"):
-        refine(through_the_loop(weak), motion)
+        improve(through_the_loop(weak), motion)
 
 
 def test_repair_costs_less_than_stepping_back(problem, motion):
@@ -144,7 +145,7 @@ def test_limits_hold_for_the_very_motion_that_is_returned(motion, steps):
     follows = fixed_margins(motor.system(), 600, (0.0, 0.0, 0.0, 0.0))
     objective = PlannedError(motor.system(), individual(0, 4), 2.0, 8)
     problem = Problem(objective, by_input(), motor.boundary(), Erratic(follows))
-    found = refine(problem, motion, Effort(rounds=0, polish_steps=steps))
+    found = improve(problem, motion, Effort(newton_rounds=0, programs=steps))
     assert len(found.history) == 2
     assert problem.violation(found.trajectory) <= 0
 
@@ -195,7 +196,7 @@ def test_a_polish_keeps_the_limits_of_a_perfect_axis(motion):
     problem = Problem(objective, by_input(), motor.boundary(), axis)
     deep = interior_motion(problem, 60, T)
     start = restored(problem, deep, motion)
-    found = polish(problem, deep, start, 15)
+    found = refined(problem, deep, start, 15)
     assert problem.violation(found) <= 0
     before, after = (objective(t, jnp.zeros(())) for t in (start, found))
     assert after < before - 3e-4  # 7e-4 was measured
@@ -252,5 +253,5 @@ def test_where_the_objective_has_no_slope_the_start_remains(motion):
         return jnp.sqrt(jnp.sum((trajectory.jerk - motion.jerk) ** 2))
 
     problem = Problem(objective, motor.limits(), motor.boundary())
-    found = refine(problem, motion, Effort(rounds=1, steps=2, polish_steps=2))
+    found = improve(problem, motion, Effort(newton_rounds=1, newton_steps=2, programs=2))
     np.testing.assert_array_equal(found.trajectory.jerk, motion.jerk)

@@ -93,8 +93,8 @@ def test_an_item_is_what_run_and_identify_give_padded_or_not(
     """Its motion is the shorter one: what is added to fit the longer one changes nothing."""
     disturbance = (motor.plant().disturbance, AgainstTracking(motor.ARC_GAINS["k1"]))[scene]
     theta = jnp.asarray((motor.TRUE_PARAMETERS, LIGHT)[scene])
-    plant, sensor = Plant(motor.system(), theta, disturbance), Encoder(motor.ENCODER_RESOLUTION)
-    record, signals = run(plant, motor.controller(), sensor, motion, motor.CONTROL_PERIOD)
+    plant = Plant(motor.system(), theta, disturbance)
+    record, signals, _ = run(plant, motor.controller(), motor.servo(), motion)
     found = {name: values[scene] for name, values in items.items()}
     for k, w in enumerate(BANDWIDTHS):
         estimate = filtered_least_squares(record, motor.system(), w, motor.CONTROL_PERIOD)

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
-from jaxid.design.optimal_motion import design_motion
+from jaxid.design.criteria import LeastSquaresError
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.model.disturbance_bound import ConstantBound, NearbyVelocityBound, ScaledBound, SpeedBand
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Constant, Viscous
@@ -145,13 +146,13 @@ def test_terms_must_start_with_the_inertia_and_differ_in_name():
 
 def test_an_unknown_parameter_is_named(key):
     with pytest.raises(ValueError, match=r"one of \['M', 'B', 'Fc', 'dbar'\], but is 'mass'"):
-        design_motion(motor.system(), TASK, "mass", key)
+        optimal_motion(TASK, LeastSquaresError(motor.system(), "mass"), key)
 
 
 def test_single_precision_is_refused(key):
     system = jax.tree.map(lambda x: x.astype(jnp.float32), motor.system())
-    with pytest.raises(ValueError, match=r"`system` must be float64.*float32"):
-        design_motion(system, TASK, "M", key)
+    with pytest.raises(ValueError, match=r"`criterion` must be float64.*float32"):
+        optimal_motion(TASK, LeastSquaresError(system, "M"), key)
 
 
 @given(st.floats(-0.3, 0.3), st.floats(0.0, 0.05))

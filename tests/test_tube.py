@@ -9,7 +9,7 @@ import pytest
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.io.files import read_trajectory
-from jaxid.loop.closed_loop import Loop, SampledPlants
+from jaxid.loop.closed_loop import ClosedLoop, SampledPlants
 from jaxid.loop.controllers import ARC
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares, square_wave
 from jaxid.loop.scenarios import every, random_parameters, vertices
@@ -48,7 +48,7 @@ def seen(motion, law, sensor, own, period=motor.CONTROL_PERIOD, ticks=3000):
     ]
     inner = random_parameters(jax.random.key(1), law.system, 16)
     thetas = jnp.concatenate([vertices(law.system), inner])
-    loop = Loop(law, sensor, period, ticks, REPEATS, substeps=4)
+    loop = ClosedLoop(law, sensor, period, ticks, REPEATS, substeps=4)
     return SampledPlants(loop, every(law.system, thetas, kinds))(motion)
 
 

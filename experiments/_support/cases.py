@@ -16,7 +16,7 @@ from experiments.axes import linear_motor as motor
 from experiments.paper.designs import Cell
 from experiments.paper.runs import PERIODS
 from jaxid.design.criteria import FilteredError, PerfectTracking, PlannedError, ThroughLoop
-from jaxid.loop.closed_loop import Loop, SampledPlants, plant_violations
+from jaxid.loop.closed_loop import ClosedLoop, SampledPlants, plant_violations
 from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import Encoder, IdealSensor, Sensor
 from jaxid.motion.limits import shrunk
@@ -82,10 +82,10 @@ class Case:
         plants = self.setting.plants(self.ticks)
         return plants[np.arange(2)] if self.toy else plants
 
-    def loop(self, sensor: Sensor, substeps: int = 1) -> Loop:
+    def loop(self, sensor: Sensor, substeps: int = 1) -> ClosedLoop:
         """The experiment of the study with the law of the setting."""
         law, period = self.setting.controller(), motor.CONTROL_PERIOD
-        return Loop(law, sensor, period, self.ticks, 1 if self.toy else PERIODS, substeps)
+        return ClosedLoop(law, sensor, period, self.ticks, 1 if self.toy else PERIODS, substeps)
 
     def criterion(self, period: float = motor.CONTROL_PERIOD) -> FilteredError:
         """Log J_f."""

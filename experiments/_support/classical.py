@@ -6,9 +6,33 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid._types import Scalar
+from jaxid.design.criteria import Criterion
 from jaxid.loop.record import rows_of
 from jaxid.model.system import System, smoothed
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
+
+
+class InformationCriterion(Criterion):
+    """A classical criterion of a motion, for a design.
+
+    Attributes:
+        system: with its δ and regressors.
+        criterion: D, A or E, as of `Information`.
+    """
+
+    system: System
+    criterion: str = eqx.field(static=True)
+
+    def near(self, task: Task, motion: JerkTrajectory) -> "Information":
+        return self._with(task, 64)
+
+    def coarse(self, task: Task, motion: JerkTrajectory) -> "Information":
+        return self._with(task, 5)
+
+    def _with(self, task: Task, nodes: int) -> "Information":
+        speed = jnp.max(jnp.abs(task.limits.velocity))
+        return Information(self.system, self.criterion, speed, nodes)
 
 
 class Information(eqx.Module):

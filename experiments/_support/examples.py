@@ -9,20 +9,13 @@ from jax import Array
 
 from experiments._support.appraisals import Row
 from experiments._support.toys import Toys
-from experiments.paper.designs import TOY, with_starts
-from jaxid.design.optimal_motion import GuaranteedEffort
+from experiments.paper.designs import TOY
 from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
-from jaxid.loop.closed_loop import log_of, run
-from jaxid.loop.controllers import Controller
-from jaxid.loop.log import Log
-from jaxid.loop.sensors import Encoder
-from jaxid.loop.servo import Servo
-from jaxid.loop.simulate import Plant
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
 PROVED = ("parameter", "theta_true", "lower", "upper")  # columns
 
@@ -46,12 +39,7 @@ class Example(Toys):
     @property
     def quick(self) -> Effort:
         """Of one short search."""
-        return TOY if self.toy else Effort(starts=32, rounds=0)
-
-    @property
-    def quick_guaranteed(self) -> GuaranteedEffort:
-        """Of one such search, and its polish for what a log can prove."""
-        return with_starts(self.quick)._replace(starts=1)
+        return TOY if self.toy else Effort(starts=32, rounds=0, searches=1)
 
     def motions(
         self, axis: str, searches: Mapping[str, Callable[[], JerkTrajectory]], coordinate: str
@@ -68,13 +56,6 @@ class Example(Toys):
             for name, search in searches.items():
                 write_trajectory(paths[name], search(), coordinate)
         return {name: read_trajectory(path, coordinate) for name, path in paths.items()}
-
-
-def logged(plant: Plant, controller: Controller, servo: Servo, motion: JerkTrajectory) -> Log:
-    """What the servo keeps of one run of a motion on the simulated truth."""
-    encoder = Encoder(servo.resolution)
-    _, signals = run(plant, controller, encoder, motion, servo.period)
-    return log_of(signals, encoder, servo.period)
 
 
 def interval_rows(axis: System, truth: Sequence[float], proved: Estimate) -> list[Row]:

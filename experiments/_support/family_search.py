@@ -18,9 +18,9 @@ from jaxid._types import Scalar
 from jaxid.motion.inequalities import Inequalities, inequalities
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.augmented_lagrangian import descend
-from jaxid.search.linear_programs import Point, linear_step
 from jaxid.search.problem import Problem
 from jaxid.search.restoration import restored
+from jaxid.search.slp import Point, TrustRegion, Vector, improvements
 
 _SMOOTHING = 1e-3  # where starts are compared
 _CHOSEN = 128  # of the starts that are descended from
@@ -69,7 +69,7 @@ def polished_member(
     inside: JerkTrajectory,
     family: Excitation,
     z: Numbers,
-    steps: int,
+    programs: int,
     smoothings: Sequence[float],
 ) -> tuple[Numbers, JerkTrajectory]:
     """Improve one member; of those on the way, walked back into the limits, the best.
@@ -79,28 +79,27 @@ def polished_member(
         inside: a strictly admissible motion.
         family: of motions.
         z: where to begin.
-        steps: linear programs, at most, per smoothing.
+        programs: linear programs, at most, per smoothing.
         smoothings: of the objective, one after the other.
     """
+    region = TrustRegion(0.03, 1e-7, programs)
     best, found = z, restored(problem, inside, family.trajectory(z))
     value = float(problem.value(found))
     limits = inequalities(problem.limits, problem.boundary, found.jerk.size, _period(found))
     for smoothing in map(jnp.asarray, smoothings):
-        at = _point(problem, inside, family, z, smoothing)
-        radius = 0.03
-        for _ in range(steps):
-            move = linear_step(_of_numbers(limits, family, z), at, radius)
-            promised = -float(at.slope @ move)
-            if promised < 1e-7 or radius < 1e-6:
-                break
-            trial = _point(problem, inside, family, jnp.asarray(at.jerk + move), smoothing)
-            gained = at.value - trial.value
-            radius *= 2.0 if gained > 0.75 * promised else 0.4 if gained < 0.25 * promised else 1.0
-            if gained > 0:
-                at, z = trial, jnp.asarray(trial.jerk)
-                motion = restored(problem, inside, family.trajectory(z))
-                if (reached := float(problem.value(motion))) < value:
-                    value, best, found = reached, z, motion
+
+        def evaluate(
+            x: Vector, before: Numbers, smoothing: Scalar = smoothing
+        ) -> tuple[Point, Numbers]:
+            z = jnp.asarray(x)
+            return _point(problem, inside, family, z, smoothing), z
+
+        first = _point(problem, inside, family, z, smoothing), z
+        steps = improvements(evaluate, lambda z: _of_numbers(limits, family, z), first, region)
+        for z in steps:
+            motion = restored(problem, inside, family.trajectory(z))
+            if (reached := float(problem.value(motion))) < value:
+                value, best, found = reached, z, motion
     return best, found
 
 

@@ -22,12 +22,11 @@ from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.modulating_functions import modulating
 from jaxid.io.files import read_trajectory
-from jaxid.loop.closed_loop import log_of
+from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.disturbances import AgainstTracking, Mixture, Sequence, random_shares
 from jaxid.loop.log import Log
-from jaxid.loop.sensors import Encoder
-from jaxid.loop.simulate import Plant, simulate
-from jaxid.motion.trajectory import JerkTrajectory, reference, ticks
+from jaxid.loop.simulate import Plant
+from jaxid.motion.trajectory import JerkTrajectory, ticks
 
 MOTIONS = (ONE_MOTION, *STUDIED, INFINITY)
 # nothing, the motor's own, an independent force at every tick, and at the bound δ two adversaries:
@@ -109,8 +108,8 @@ def logs(motions: Motions, scenarios: list[Scenario]) -> list[Log]:
 
 @eqx.filter_jit
 def _logs(motions: Motions, scenarios: Scenario, count: int) -> Log:
-    period, encoder = motor.CONTROL_PERIOD, Encoder(motor.ENCODER_RESOLUTION)
-    controller = motor.controller()
+    servo, controller = motor.servo(), motor.controller()
+    loop = ClosedLoop(controller, servo.sensor, servo.period, count, substeps=SUBSTEPS)
 
     def one(scenario: Scenario) -> Log:
         motion, against = jax.tree.map(lambda x: x[scenario.motion], motions)
@@ -122,9 +121,7 @@ def _logs(motions: Motions, scenarios: Scenario, count: int) -> Log:
         )
         shares = (jnp.arange(1, len(KINDS)) == scenario.kind).astype(float)
         plant = Plant(motor.system(), scenario.theta, Mixture(parts, shares))
-        desired = reference(motion, period, count)
-        _, signals = simulate(plant, controller, encoder, desired, period, SUBSTEPS)
-        log = log_of(signals, encoder, period)
-        return jax.tree.map(jnp.asarray, log)
+        _, signals = loop(plant, motion)
+        return jax.tree.map(jnp.asarray, servo.log(signals))
 
     return jax.vmap(one)(scenarios)

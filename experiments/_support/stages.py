@@ -16,19 +16,18 @@ import numpy as np
 from experiments._support.cases import Case, encoder, value
 from experiments.axes import linear_motor as motor
 from experiments.paper.designs import TOY, Cell, trajectory_path
-from jaxid.design.criteria import PerfectTracking, ThroughLoop
-from jaxid.design.optimal_motion import design_motion
+from jaxid.design.criteria import LeastSquaresError, PerfectTracking, ThroughLoop
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import SampledPlants
 from jaxid.loop.sensors import IdealSensor
 from jaxid.motion.limits import Limits
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.search.effort import Effort
 from jaxid.search.frozen_loop import FrozenLoop, fixed_margins, freeze
-from jaxid.search.local import Effort, Refined, refine
-from jaxid.search.multistart import Effort as SearchEffort
-from jaxid.search.multistart import design
-from jaxid.search.problem import Objective, Problem
+from jaxid.search.local import improve
+from jaxid.search.problem import Design, Objective, Problem
 from jaxid.search.restoration import interior_motion
 
 Designs = Mapping[str, JerkTrajectory]
@@ -40,8 +39,8 @@ _SPARE = 1e-3  # half-widths of every limit
 _NOISE = 1.3
 _REPEATS, _SETTLED = 4, 5e-4  # refinements of one motion, and log J that is worth another
 _ROUNDS = 5  # of more and more room
-_EFFORT = Effort(rounds=8, polish_steps=20)  # of a refinement
-_TOY_EFFORT = Effort(rounds=1, steps=2, polish_steps=2)
+_EFFORT = Effort(newton_rounds=8, programs=20)  # of a refinement
+_TOY_EFFORT = Effort(newton_rounds=1, newton_steps=2, programs=2)
 _ACTIVE = 8  # plants in a search for the worst
 _NEAREST = 16  # plants whose limits a search keeps
 
@@ -100,14 +99,15 @@ STAGES: dict[str, Callable[[Case, Designs], JerkTrajectory]] = {
     "end_to_end": end_to_end,
     "robust": robust,
 }
-EFFORTS = (SearchEffort(), _EFFORT, _ACTIVE, _NEAREST, _SEED, _NOISE, _REPEATS, _SETTLED)
+EFFORTS = (Effort(), _EFFORT, _ACTIVE, _NEAREST, _SEED, _NOISE, _REPEATS, _SETTLED)
 FILTERED = ("filter_aware", "end_to_end", "robust")  # those that know the filter
 
 
 def _cold(case: Case, limits: Limits, axis: FrozenLoop | None) -> JerkTrajectory:
     task, effort = _task(case, limits, axis), _search_effort(case)
     system, key = case.setting.system(), _key(case)
-    return design_motion(system, task, case.parameter, key, effort=effort).trajectory
+    criterion = LeastSquaresError(system, case.parameter)
+    return optimal_motion(task, criterion, key, effort=effort).trajectory
 
 
 def _cold_through_filter(case: Case, by_18: JerkTrajectory) -> JerkTrajectory:
@@ -115,7 +115,7 @@ def _cold_through_filter(case: Case, by_18: JerkTrajectory) -> JerkTrajectory:
     count = round(case.intervals * motor.KNOT_PERIOD / _COARSE)
     coarse = PerfectTracking(system, case.criterion(_COARSE), case.speed, _COARSE, count)
     task = _task(case, case.setting.limits(), axis)
-    return design(coarse, task, _key(case), effort=_search_effort(case)).trajectory
+    return optimal_motion(task, coarse, _key(case), effort=_search_effort(case)).trajectory
 
 
 def _task(case: Case, limits: Limits, axis: FrozenLoop | None) -> Task:
@@ -171,15 +171,15 @@ def _refined(
     )
 
 
-def _refinements(problem: Problem, start: JerkTrajectory, effort: Effort) -> Iterator[Refined]:
+def _refinements(problem: Problem, start: JerkTrajectory, effort: Effort) -> Iterator[Design]:
     """Refined again and again, until that gains nothing worth a stage of the design.
 
     What a later stage gains is then its objective's doing, not that of searching once more.
     """
-    found = refine(problem, start, effort)
+    found = improve(problem, start, effort)
     yield found
     for _ in range(_REPEATS):
-        before, found = found, refine(problem, found.trajectory, effort)
+        before, found = found, improve(problem, found.trajectory, effort)
         yield found
         if before.value - found.value < _SETTLED:
             break
@@ -206,5 +206,5 @@ def _key(case: Case) -> jax.Array:
     return jax.random.fold_in(key, case.index)
 
 
-def _search_effort(case: Case) -> SearchEffort:
-    return TOY if case.toy else SearchEffort()
+def _search_effort(case: Case) -> Effort:
+    return TOY if case.toy else Effort()

@@ -26,15 +26,18 @@ from experiments._support.examples import (
     Example,
     draw_intervals,
     interval_rows,
-    logged,
     save_table,
 )
+from jaxid.design.evaluation import Evaluation
 from jaxid.identification.falsification import smallest_disturbance_factor
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.least_squares import fit_least_squares
 from jaxid.io import plots
+from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import Cogging, LowSpeedFriction, Mixture
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.estimate import Estimate
+from jaxid.regression.lower_bound import LowerBound
 from jaxid.runtime import configure
 
 PITCH = 0.03  # m
@@ -113,8 +116,8 @@ class Reading(NamedTuple):
     """
 
     smallest: float
-    worth: jd.Evaluation
-    proved: jd.Estimate
+    worth: Evaluation
+    proved: Estimate
 
 
 def main(options: Example) -> None:
@@ -125,7 +128,7 @@ def main(options: Example) -> None:
         name: partial(searched, options, axis, floors[name]) for name, axis in models.items()
     }
     motions = options.motions("cart", searches, "linear")
-    logs = {name: logged(plant(), controller(), SERVO, motion) for name, motion in motions.items()}
+    logs = {name: run(plant(), controller(), SERVO, motion).log for name, motion in motions.items()}
     readings = {}
     for motion, (model, axis) in product(motions, models.items()):
         smallest = DELTA[model] * smallest_disturbance_factor(axis, [logs[motion]], KNOTS)
@@ -144,12 +147,13 @@ def main(options: Example) -> None:
     draw(options.named("cart.png"), motions, logs[IN_DELTA], readings)
 
 
-def searched(options: Example, axis: jd.System, least: jd.LowerBound) -> JerkTrajectory:
+def searched(options: Example, axis: jd.System, least: LowerBound) -> JerkTrajectory:
     """For what a log can prove of the parameters that both models have."""
     shared = jnp.arange(len(axis.names)) < SHARED
     targets = jnp.where(shared, least.value, jnp.inf)
-    key, effort = jax.random.key(options.seed), options.quick_guaranteed
-    return jd.design_guaranteed(axis, task(), targets, key, SERVO, effort=effort)
+    key, effort = jax.random.key(options.seed), options.quick
+    criterion = jd.PredictedError(axis, targets, SERVO)
+    return jd.optimal_motion(task(), criterion, key, effort=effort).trajectory
 
 
 def rows_read(motion_for: str, model: str, axis: jd.System, reading: Reading) -> list[Row]:

@@ -24,9 +24,10 @@ from scipy.signal import butter, filtfilt
 from tqdm import tqdm
 
 from experiments._support.toys import Toys
-from experiments.paper.designs import TOY, with_starts
+from experiments.paper.designs import TOY
 from jaxid.design.evaluation import evaluate
-from jaxid.design.optimal_motion import design_guaranteed
+from jaxid.design.optimal_motion import optimal_motion
+from jaxid.design.predicted_error import PredictedError
 from jaxid.identification.assumptions import assumptions
 from jaxid.identification.falsification import smallest_disturbance_factor
 from jaxid.identification.intervals import guaranteed_intervals
@@ -47,7 +48,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
 PUBLISHED = {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}
 PERIOD, RESOLUTION, VOLTS = 0.001, 5e-8, 10.0
@@ -269,9 +270,10 @@ def designed(
     smooth = system(delta, Coulomb(5000.0))
     ends = Boundary((0.0, 0.0, 0.0), (through((0.0, 0.0, 0.0), at=1.0),))
     task = Task(limits, ends, INTERVALS, KNOT_PERIOD)
-    effort = with_starts(TOY if options.toy else Effort(starts=32, rounds=0))._replace(starts=1)
+    effort = TOY if options.toy else Effort(starts=32, rounds=0, searches=1)
     key = jax.random.key(options.seed)
-    return design_guaranteed(smooth, task, targets, key, Servo(PERIOD, RESOLUTION), effort=effort)
+    criterion = PredictedError(smooth, targets, Servo(PERIOD, RESOLUTION))
+    return optimal_motion(task, criterion, key, effort=effort).trajectory
 
 
 def draw(path: Path, result: Result) -> None:

@@ -23,17 +23,18 @@ from experiments._support.examples import (
     Example,
     draw_intervals,
     interval_rows,
-    logged,
     save_table,
 )
 from jaxid._types import Scalar, dot
 from jaxid.design.criteria import PlannedError
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
+from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import LowSpeedFriction
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.estimate import Estimate
+from jaxid.regression.worst_case import infinity
 from jaxid.runtime import configure
-from jaxid.search.multistart import design
 from jaxid.search.problem import Objective
 
 ALL, ERROR, COOL = "all", "J", "cool"  # the motions
@@ -90,7 +91,7 @@ def error_and_heat(
 
 def objective(price: float) -> Objective:
     """One's own: the worst error of J, at a price. All prices share one compilation."""
-    only = jd.infinity(jnp.array([1.0, jnp.inf, jnp.inf, jnp.inf]))
+    only = infinity(jnp.array([1.0, jnp.inf, jnp.inf, jnp.inf]))
     error = PlannedError(system(), only, speed=task().limits.velocity[1])
     return Partial(error_and_heat, error, jnp.asarray(price))
 
@@ -104,18 +105,19 @@ def main(options: Example) -> None:
     """Search, appraise, run, save, draw, print."""
     axis, law, truth = system(), controller(), plant()
     least = jd.lower_bound(axis, task().limits)
-    key, effort = jax.random.key(options.seed), options.quick_guaranteed
+    key, effort = jax.random.key(options.seed), options.quick
 
     def for_all() -> JerkTrajectory:
-        return jd.design_guaranteed(axis, task(), least.value, key, SERVO, effort=effort)
+        criterion = jd.PredictedError(axis, least.value, SERVO)
+        return jd.optimal_motion(task(), criterion, key, effort=effort).trajectory
 
     def own(price: float) -> JerkTrajectory:
-        return design(objective(price), task(), key, effort=options.quick).trajectory
+        return jd.optimal_motion(task(), objective(price), key, effort=effort).trajectory
 
     searches = {ALL: for_all, ERROR: lambda: own(0.0), COOL: lambda: own(PRICE)}
     motions = options.motions("pendulum", searches, axis.coordinate)
     worth = {name: jd.evaluate(axis, motion, SERVO, least) for name, motion in motions.items()}
-    logs = {name: logged(truth, law, SERVO, motion) for name, motion in motions.items()}
+    logs = {name: run(truth, law, SERVO, motion).log for name, motion in motions.items()}
     proved = {name: guaranteed_intervals(axis, [log]).estimate for name, log in logs.items()}
     heats = {name: float(heat(log.input)) for name, log in logs.items()}
     found = [
@@ -134,7 +136,7 @@ def main(options: Example) -> None:
     draw(options.named("pendulum.png"), logs, proved)
 
 
-def draw(path: Path, logs: Mapping[str, jd.Log], proved: Mapping[str, jd.Estimate]) -> None:
+def draw(path: Path, logs: Mapping[str, jd.Log], proved: Mapping[str, Estimate]) -> None:
     """The motions, the torque with and without a price, and what each log proves."""
     canvas, (left, middle, right) = plots.figure(1, 3, (14.0, 4.8))
     limits, labels = task().limits, {ALL: "for all", ERROR: "for J", COOL: "for J and heat"}

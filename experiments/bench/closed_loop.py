@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from experiments.axes import linear_motor as motor
 from jaxid.design.criteria import FilteredError, ThroughLoop
-from jaxid.loop.closed_loop import Loop
+from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import IdealSensor
@@ -36,7 +36,7 @@ def loop_error(
     """
     system, period = motor.system(), motor.CONTROL_PERIOD
     objective = ThroughLoop(
-        Loop(motor.controller(), IdealSensor(), period, TICKS, repeats),
+        ClosedLoop(motor.controller(), IdealSensor(), period, TICKS, repeats),
         Scenarios(system, theta[None], NoDisturbance()),
         FilteredError(individual(system.index(TARGET), len(system.names)), motor.BANDWIDTH, period),
         speed=0.0,

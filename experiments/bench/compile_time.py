@@ -23,7 +23,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.worst_case import individual
 from jaxid.runtime import configure
 from jaxid.search.augmented_lagrangian import descend
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 from jaxid.search.problem import Problem
 
 QUESTION = "compile_time"

@@ -24,8 +24,8 @@ from tqdm import tqdm
 from experiments._support.processes import each
 from experiments.axes import linear_motor as motor
 from experiments.paper.designs import STUDIED, TOY
-from jaxid.design.criteria import PlannedError, planned_error
-from jaxid.design.optimal_motion import design_motion
+from jaxid.design.criteria import LeastSquaresError, PlannedError, planned_error
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import Cell as Value
 from jaxid.io.files import read_table, write_table
 from jaxid.io.plots import text_table
@@ -36,9 +36,9 @@ from jaxid.motion.trajectory import JerkTrajectory, uniform
 from jaxid.regression.worst_case import individual
 from jaxid.runtime import configure
 from jaxid.search.arc_structures import evolve_arcs
+from jaxid.search.effort import Effort
 from jaxid.search.initial_guesses import random_starts
-from jaxid.search.multistart import Design, Effort
-from jaxid.search.problem import Problem
+from jaxid.search.problem import Design, Problem
 from jaxid.search.restoration import restored
 
 STARTS = 10  # of IPOPT
@@ -219,7 +219,8 @@ def _shorter(cell: Cell, key: PRNGKeyArray, effort: Effort) -> JerkTrajectory | 
 
 def _design(cell: Cell, key: PRNGKeyArray, effort: Effort, **options: Any) -> Design:
     task = Task(motor.limits(), motor.boundary(), cell.intervals, motor.KNOT_PERIOD)
-    return design_motion(motor.system(), task, cell.parameter, key, effort=effort, **options)
+    criterion = LeastSquaresError(motor.system(), cell.parameter)
+    return optimal_motion(task, criterion, key, effort=effort, **options)
 
 
 def _problem(cell: Cell) -> Problem:

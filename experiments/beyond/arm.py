@@ -15,21 +15,24 @@ import tyro
 from tqdm import tqdm
 
 from experiments._support.appraisals import WORTH, rows_of
-from experiments._support.examples import PROVED, Example, interval_rows, logged, save_table
+from experiments._support.examples import PROVED, Example, interval_rows, save_table
 from experiments._support.processes import each
 from experiments.axes import one_link_arm as arm
-from experiments.paper.designs import TOY, with_starts
+from experiments.paper.designs import TOY
+from jaxid.design.criteria import LeastSquaresError
 from jaxid.design.evaluation import Evaluation, evaluate
-from jaxid.design.optimal_motion import design_guaranteed, design_motion
+from jaxid.design.optimal_motion import optimal_motion
+from jaxid.design.predicted_error import PredictedError
 from jaxid.identification.assumptions import assumptions
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_trajectory
+from jaxid.loop.closed_loop import run
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
 ALL = "all"  # the largest guaranteed error over the floor
 INTERVALS = 50  # of 20 ms: one second
@@ -62,7 +65,7 @@ def main(study: Study) -> None:
     least = lower_bound(system, arm.limits())
     worth = {name: evaluate(system, motion, arm.servo(), least) for name, motion in motions.items()}
     save_table(study.named("arm.csv"), COLUMNS, rows_of(worth, "design", system.names))
-    log = logged(arm.plant(), arm.controller(), arm.servo(), motions[ALL])
+    log = run(arm.plant(), arm.controller(), arm.servo(), motions[ALL]).log
     proved = guaranteed_intervals(system, [log]).estimate
     rows = interval_rows(system, arm.TRUE_PARAMETERS, proved)
     save_table(study.named("arm_proved.csv"), PROVED, rows)
@@ -77,10 +80,11 @@ def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
     key = jax.random.fold_in(jax.random.key(study.seed), (*system.names, ALL).index(design))
     effort = TOY if study.toy else Effort()
     if design != ALL:
-        return design, design_motion(system, task, design, key, effort=effort).trajectory
+        criterion = LeastSquaresError(system, design)
+        return design, optimal_motion(task, criterion, key, effort=effort).trajectory
     targets = lower_bound(system, task.limits).value
-    servo, tries = arm.servo(), with_starts(effort)
-    return design, design_guaranteed(system, task, targets, key, servo, effort=tries)
+    criterion = PredictedError(system, targets, arm.servo())
+    return design, optimal_motion(task, criterion, key, effort=effort).trajectory
 
 
 def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Evaluation]) -> None:

@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from experiments._support import excitations
 from experiments._support.appraisals import rows_of
-from experiments._support.classical import Information
+from experiments._support.classical import InformationCriterion
 from experiments._support.excitations import Excitation
 from experiments._support.family_search import Budget, best_members, polished_member
 from experiments._support.processes import each
@@ -35,14 +35,12 @@ from experiments.paper.designs import (
     TOY,
     Cell,
     trajectory_path,
-    with_starts,
 )
 from experiments.paper.figures import SYMBOLS
 from experiments.paper.tables import Table
-from jaxid.design.criteria import PlannedError
+from jaxid.design.criteria import LeastSquaresError, PlannedError
 from jaxid.design.evaluation import Evaluation, evaluate
-from jaxid.design.guaranteed_criterion import expected_error
-from jaxid.design.optimal_motion import GuaranteedEffort, design_motion
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.motion.motion_space import motion_space
@@ -52,7 +50,7 @@ from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.worst_case import infinity
 from jaxid.runtime import configure
 from jaxid.search.arc_structures import MEMBERS, Arcs, jerk_of
-from jaxid.search.multistart import Effort, design
+from jaxid.search.effort import Effort
 from jaxid.search.problem import Problem
 from jaxid.search.restoration import interior_motion, restored
 
@@ -124,47 +122,47 @@ def searched(options: Compare, name: str) -> tuple[str, JerkTrajectory]:
     limits = motor.limits()
     task = Task(limits, motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
     targets = jnp.asarray(ALLOWED) * lower_bound(motor.system(), limits).value
-    effort = with_starts(TOY if options.toy else Effort())
+    effort = TOY if options.toy else Effort()
     key = jax.random.fold_in(jax.random.key(options.seed), EXCITATIONS.index(name))
     find = members if name in FAMILIES else optimal
     found = [
         (_reached(task, targets, motion), k, motion)
-        for k, key in enumerate(jax.random.split(key, effort.starts))
+        for k, key in enumerate(jax.random.split(key, effort.searches))
         for motion in find(name, task, targets, key, effort)
     ]
     return name, min(found)[-1]
 
 
 def optimal(
-    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, tries: GuaranteedEffort
+    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, effort: Effort
 ) -> list[JerkTrajectory]:
     """By one of the criteria of a motion alone, sought as a design is."""
-    system, effort = motor.system(), tries.search
+    system = motor.system()
     if name == LEAST_SQUARES:
-        found = design_motion(system, task, infinity(targets), key, effort=effort)
+        criterion = LeastSquaresError(system, infinity(targets))
     else:
-        criterion, speed = CRITERIA[name], _fastest(task)
-        coarse, fine = (Information(system, criterion, speed, nodes) for nodes in (5, 64))
-        found = design(coarse, task, key, fine=fine, effort=effort)
-    return [found.trajectory]
+        criterion = InformationCriterion(system, CRITERIA[name])
+    return [optimal_motion(task, criterion, key, effort=effort).trajectory]
 
 
 def members(
-    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, tries: GuaranteedEffort
+    name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, effort: Effort
 ) -> list[JerkTrajectory]:
     """Of a family: as our one motion is found, by a search for least squares and two polishes.
 
     Each of the best few is polished to its end, where for ours only the best of all is.
     """
-    system, family, effort = motor.system(), family_of(name, task), tries.search
+    system, family = motor.system(), family_of(name, task)
     problem = Problem.of(task, PlannedError(system, infinity(targets), _fastest(task), 5))
     deep, found = interior_motion(problem, task.intervals, task.period), []
-    best = best_members(problem, deep, family, key, budget(effort), effort.polished)
+    best = best_members(problem, deep, family, key, budget(effort), effort.finalists)
     for z in best:
         motion = restored(problem, deep, family.trajectory(z))
-        for smoothings in (tries.smoothings[:1], tries.smoothings[1:]):
+        for smoothings in (effort.predicted_smoothings[:1], effort.predicted_smoothings[1:]):
             exact = _expected(task, targets, motion)
-            z, motion = polished_member(exact, deep, family, z, tries.steps, smoothings)
+            z, motion = polished_member(
+                exact, deep, family, z, effort.predicted_programs, smoothings
+            )
         found.append(motion)
     return found
 
@@ -209,8 +207,7 @@ def draw(path: Path, worth: Mapping[str, Evaluation]) -> None:
 
 def _expected(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> Problem:
     """The criterion of our one motion, for motions near to another one."""
-    speed = _fastest(task)
-    return Problem.of(task, expected_error(motor.system(), targets, motion, motor.servo(), speed))
+    return Problem.of(task, motor.predicted_error(targets).near(task, motion))
 
 
 def _reached(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> float:

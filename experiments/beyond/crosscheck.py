@@ -14,7 +14,7 @@ from jaxid.design.criteria import planned_error
 from jaxid.io.files import read_table, read_trajectory, write_table
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.runtime import configure
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
 
 class Search(NamedTuple):

@@ -16,8 +16,8 @@ from experiments.axes import linear_motor as motor
 from experiments.paper import figures, tables
 from experiments.paper.designs import STUDIED, TOY
 from jaxid._checks import require
-from jaxid.design.criteria import planned_error
-from jaxid.design.optimal_motion import design_motion
+from jaxid.design.criteria import LeastSquaresError, planned_error
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.loop.closed_loop import plant_violations
 from jaxid.loop.disturbances import AgainstTracking, Disturbance, NoDisturbance
@@ -30,9 +30,9 @@ from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import Prediction
 from jaxid.runtime import configure
+from jaxid.search.effort import Effort
 from jaxid.search.frozen_loop import fixed_margins
-from jaxid.search.local import Effort, refine
-from jaxid.search.multistart import Effort as SearchEffort
+from jaxid.search.local import improve
 from jaxid.search.problem import Problem
 
 CELLS = (8, 4, 4, 4)  # that Ω_θ is cut into for a proof
@@ -133,8 +133,9 @@ def start(
     limits, boundary = case.setting.limits(), motor.boundary()
     task = Task(limits, boundary, case.intervals, motor.KNOT_PERIOD, axis)
     key = jax.random.fold_in(jax.random.key(options.seed), case.index)
-    effort = TOY if case.toy else SearchEffort()
-    return design_motion(system, task, case.parameter, key, effort=effort).trajectory
+    effort = TOY if case.toy else Effort()
+    criterion = LeastSquaresError(system, case.parameter)
+    return optimal_motion(task, criterion, key, effort=effort).trajectory
 
 
 def improved(
@@ -142,8 +143,8 @@ def improved(
 ) -> JerkTrajectory:
     """The motion in the limits of the axis, and J* made as small as they allow."""
     problem = Problem(case.planned(), limits, motor.boundary(), axis)
-    effort = Effort(rounds=1, steps=2, polish_steps=2) if case.toy else Effort()
-    return refine(problem, motion, effort).trajectory
+    effort = Effort(newton_rounds=1, newton_steps=2, programs=2) if case.toy else Effort()
+    return improve(problem, motion, effort).trajectory
 
 
 def sampled(options: Robust, case: Case) -> JerkTrajectory:

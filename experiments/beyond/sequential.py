@@ -19,10 +19,9 @@ from tqdm import tqdm
 
 from experiments._support.toys import Toys
 from experiments.axes import linear_motor as motor
-from experiments.paper.designs import HORIZON, TOY, one_motion, with_starts
+from experiments.paper.designs import HORIZON, TOY, one_motion
 from experiments.paper.figures import SYMBOLS
-from jaxid.design.guaranteed_criterion import expected_error
-from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.identification.assumptions import assumptions
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set
 from jaxid.identification.intervals import guaranteed_intervals
@@ -30,10 +29,9 @@ from jaxid.identification.modulating_functions import KNOTS
 from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.io.plots import text_table
-from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import ARC
 from jaxid.loop.log import Log
-from jaxid.loop.sensors import Encoder
 from jaxid.model.system import System
 from jaxid.motion.acceleration_limit import acceleration_limit
 from jaxid.motion.limits import Limits
@@ -42,7 +40,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
 JERKS = (1000.0, 3000.0)  # m/s³; with the second more acceleration can be used
 # N_i of each round: with a jerk of 1000 m/s³ a second motion of 0.6 s would prove of M no more than
@@ -167,31 +165,31 @@ def designed(options: Sequential, task: Task, done: Sequence[Round]) -> JerkTraj
     effort = TOY if options.toy else Effort()
     key = jax.random.fold_in(jax.random.key(options.seed), len(done))
     if not done:
-        return one_motion(motor.system(), task, key, effort)
+        return one_motion(task, key, effort)
     before, least = done[-1].motion, lower_bound(motor.system(), task.limits).value
     # a motion that was designed for other limits is as good a start, and may stay
     starts = [key, before] if before.jerk.size == task.intervals else [key]
     proved = targets = expected(before)
     for k in np.flatnonzero(least < _WORTH * proved):
         only = jnp.full(len(proved), jnp.inf).at[k].set(proved[k])
-        reached, _ = best(task, only, starts, with_starts(effort))
+        reached, _ = best(task, only, starts, effort)
         targets = targets.at[k].set(jnp.minimum(_NEAR * reached[k], proved[k]))
-    return best(task, targets, starts, with_starts(effort))[1]
+    return best(task, targets, starts, effort)[1]
 
 
 def best(
     task: Task,
     targets: Float[Array, " m"],
     starts: Sequence[jax.Array | JerkTrajectory],
-    effort: GuaranteedEffort,
+    effort: Effort,
 ) -> tuple[Float[Array, " m"], JerkTrajectory]:
     """What is expected of the best design from several starts, and the motion.
 
     By the error that is designed for; so that a start which is a motion is never made worse.
     """
-    system, servo, found = motor.system(), motor.servo(), []
+    criterion, found = motor.predicted_error(targets), []
     for k, start in enumerate(starts):
-        motion = design_guaranteed(system, task, targets, start, servo, effort=effort)
+        motion = optimal_motion(task, criterion, start, effort=effort).trajectory
         bound = expected(motion)
         found.append((float(jnp.max(bound / targets)), k, bound, motion))
     return min(found)[2:]
@@ -199,17 +197,14 @@ def best(
 
 def expected(motion: JerkTrajectory) -> Float[Array, " m"]:
     """Errors, should the velocity miss that of the motion as the servo may, where δ jumps."""
-    system, speed = motor.system(), abs(motor.limits().velocity).max()
-    error = expected_error(system, system.half_widths, motion, motor.servo(), speed)
-    return error.errors(motion, jnp.zeros(()))
+    task = Task(motor.limits(), motor.boundary(), motion.jerk.size, motor.KNOT_PERIOD)
+    near = motor.predicted_error(motor.system().half_widths).near(task, motion)
+    return near.errors(motion, jnp.zeros(()))
 
 
 def measured(system: System, motion: JerkTrajectory) -> Log:
     """The motor's log of it, tracked by a law that knows the box as it is now."""
-    encoder, period = Encoder(motor.ENCODER_RESOLUTION), motor.CONTROL_PERIOD
-    law = ARC(system, **motor.ARC_GAINS)
-    _, signals = run(motor.plant(), law, encoder, motion, period)
-    return log_of(signals, encoder, period)
+    return run(motor.plant(), ARC(system, **motor.ARC_GAINS), motor.servo(), motion).log
 
 
 def rows_of(jerk: float, number: int, done: Round) -> list[dict[str, Cell]]:

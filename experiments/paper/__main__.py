@@ -25,7 +25,7 @@ from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def choose(
 def save_tables(
     study: Study,
     errors: Mapping[Cell, tables.Errors],
-    loops: Mapping[Cell, runs.ClosedLoop],
+    loops: Mapping[Cell, runs.ClosedLoopRun],
     pulses: Mapping[float, runs.OpenLoopRun],
 ) -> list[str]:
     """The CSV files, and the same as text."""
@@ -149,7 +149,7 @@ def save_tables(
 
 
 def kept(
-    study: Study, loops: Mapping[Cell, runs.ClosedLoop], chosen: Mapping[Cell, JerkTrajectory]
+    study: Study, loops: Mapping[Cell, runs.ClosedLoopRun], chosen: Mapping[Cell, JerkTrajectory]
 ) -> list[str]:
     """Is (29) kept on random plants with the worst Δ, with exact and with measured signals?"""
     lines = []

@@ -13,9 +13,8 @@ from jaxid.identification.assumptions import assumptions
 from jaxid.identification.feasible_parameter_set import FeasibleSet, feasible_set, projection
 from jaxid.identification.intervals import GuaranteedIntervals, guaranteed_intervals
 from jaxid.identification.regression_rows import guaranteed_estimate
-from jaxid.loop.closed_loop import log_of, run
+from jaxid.loop.closed_loop import run
 from jaxid.loop.record import rows_of
-from jaxid.loop.sensors import Encoder
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimators import ESTIMATORS
 from jaxid.regression.lower_bound import LowerBound
@@ -72,9 +71,8 @@ def _errors(motion: JerkTrajectory) -> dict[str, Float[Array, " m"]]:
 
 def experiment(motion: JerkTrajectory) -> Proof:
     """One run of the motion on the simulated motor, with its encoder, cogging and friction."""
-    system, encoder = motor.system(), Encoder(motor.ENCODER_RESOLUTION)
-    _, signals = run(motor.plant(), motor.controller(), encoder, motion, motor.CONTROL_PERIOD)
-    log = log_of(signals, encoder, motor.CONTROL_PERIOD)
+    system = motor.system()
+    log = run(motor.plant(), motor.controller(), motor.servo(), motion).log
     found = guaranteed_intervals(system, [log])
     rows, box = found.rows.record.rows, system.half_widths
     others = [

@@ -12,14 +12,14 @@ from jaxtyping import Float, PRNGKeyArray
 
 from experiments._support.processes import chained
 from experiments.axes import linear_motor as motor
-from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed, design_motion
-from jaxid.model.system import System
+from jaxid.design.criteria import LeastSquaresError
+from jaxid.design.optimal_motion import optimal_motion
 from jaxid.motion.feasibility import InfeasibleError
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, uniform
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.worst_case import infinity
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
 STUDIED = ("M", "B", "Fc")
 INFINITY = "infinity"  # the largest error relative to the prior box
@@ -37,8 +37,11 @@ TOY = Effort(
     rounds=1,
     variations=8,
     parents=2,
-    polished=1,
-    polish_steps=5,
+    finalists=1,
+    programs=5,
+    searches=1,
+    predicted_programs=1,
+    predicted_smoothings=(1e-3, 1e-4),
 )
 
 
@@ -106,11 +109,11 @@ def _search_cell(effort: Effort, seed: int, size: int, cell: Cell, shorter: Foun
     key = jax.random.fold_in(key, names.index(cell.target))
     try:
         if cell.target == ONE_MOTION:
-            return Found(cell, np.asarray(one_motion(system, task, key, effort).jerk))
-        found = design_motion(
-            system,
+            return Found(cell, np.asarray(one_motion(task, key, effort).jerk))
+        target = infinity(system.half_widths) if cell.target == INFINITY else cell.target
+        found = optimal_motion(
             task,
-            infinity(system.half_widths) if cell.target == INFINITY else cell.target,
+            LeastSquaresError(system, target),
             key,
             shorter=shorter.trajectory() if shorter and shorter.jerk is not None else None,
             effort=effort,
@@ -120,13 +123,7 @@ def _search_cell(effort: Effort, seed: int, size: int, cell: Cell, shorter: Foun
     return Found(cell, np.asarray(found.trajectory.jerk))
 
 
-def one_motion(system: System, task: Task, key: PRNGKeyArray, effort: Effort) -> JerkTrajectory:
-    """Good for all parameters at once: its guaranteed errors compared with what is allowed."""
-    targets = jnp.asarray(ALLOWED) * lower_bound(system, task.limits).value
-    return design_guaranteed(system, task, targets, key, motor.servo(), effort=with_starts(effort))
-
-
-def with_starts(effort: Effort) -> GuaranteedEffort:
-    """Several such searches and their polish; hardly any where a search is a toy."""
-    toy = effort == TOY
-    return GuaranteedEffort(1, effort, (1e-3, 1e-4), 1) if toy else GuaranteedEffort(search=effort)
+def one_motion(task: Task, key: PRNGKeyArray, effort: Effort) -> JerkTrajectory:
+    """Good for all parameters at once: its predicted errors compared with what is allowed."""
+    targets = jnp.asarray(ALLOWED) * lower_bound(motor.system(), task.limits).value
+    return optimal_motion(task, motor.predicted_error(targets), key, effort=effort).trajectory

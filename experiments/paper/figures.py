@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.axes import linear_motor as motor
 from experiments.paper.designs import Cell
-from experiments.paper.runs import BANDWIDTHS, ClosedLoop, OpenLoopRun, Pulses, Sweep
+from experiments.paper.runs import BANDWIDTHS, ClosedLoopRun, OpenLoopRun, Pulses, Sweep
 from experiments.paper.tables import Errors
 from jaxid.io import plots
 from jaxid.motion.limits import Limits
@@ -31,7 +31,7 @@ def desired(folder: Path, trajectories: Trajectories) -> None:
         plots.save(canvas, folder / f"fig{number}.png")
 
 
-def tracking(folder: Path, loops: Mapping[Cell, ClosedLoop]) -> None:
+def tracking(folder: Path, loops: Mapping[Cell, ClosedLoopRun]) -> None:
     """Figures 4 to 6: control input and tracking error."""
     for number, (cell, loop) in enumerate(loops.items(), start=4):
         signals = loop.signals
@@ -149,7 +149,7 @@ def tube(
 def overview(
     folder: Path,
     trajectories: Trajectories,
-    loops: Mapping[Cell, ClosedLoop],
+    loops: Mapping[Cell, ClosedLoopRun],
     runs: Mapping[float, OpenLoopRun],
 ) -> None:
     """For the README: the three motions, and what each experiment leaves of the prior box."""
@@ -165,7 +165,7 @@ def overview(
     plots.save(canvas, folder / "overview.png")
 
 
-def _intervals(panel: plots.Axes, loops: Mapping[Cell, ClosedLoop], pulses: OpenLoopRun) -> None:
+def _intervals(panel: plots.Axes, loops: Mapping[Cell, ClosedLoopRun], pulses: OpenLoopRun) -> None:
     system = motor.system()
     index = [system.index(cell.target) for cell in loops]
     centre, half = np.asarray(system.centre)[index], np.asarray(system.half_widths)[index]

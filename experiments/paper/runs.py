@@ -36,7 +36,7 @@ class Pulses(NamedTuple):
     start: float = 0.2  # m
 
 
-class ClosedLoop(NamedTuple):
+class ClosedLoopRun(NamedTuple):
     """One experiment of Section III on the desired motion of one parameter."""
 
     record: Record
@@ -69,18 +69,13 @@ class OpenLoopRun(NamedTuple):
     estimate: Estimate
 
 
-def closed_loop(trajectory: JerkTrajectory) -> ClosedLoop:
+def closed_loop(trajectory: JerkTrajectory) -> ClosedLoopRun:
     """ARC on the encoder; the estimate is made from the exact signals, as Table II is."""
-    record, signals = run(
-        motor.plant(),
-        motor.controller(),
-        Encoder(motor.ENCODER_RESOLUTION),
-        trajectory,
-        motor.CONTROL_PERIOD,
-        PERIODS,
+    record, signals, _ = run(
+        motor.plant(), motor.controller(), motor.servo(), trajectory, repeats=PERIODS
     )
     estimate = filtered_least_squares(record, motor.system(), motor.BANDWIDTH, motor.CONTROL_PERIOD)
-    return ClosedLoop(record, signals, estimate)
+    return ClosedLoopRun(record, signals, estimate)
 
 
 def measured(record: Record, signals: Signals) -> Record:
@@ -90,7 +85,7 @@ def measured(record: Record, signals: Signals) -> Record:
 
 
 @eqx.filter_jit
-def sweep(loop: ClosedLoop) -> Sweep:
+def sweep(loop: ClosedLoopRun) -> Sweep:
     """Every bandwidth from one simulation."""
     system, period = motor.system(), motor.CONTROL_PERIOD
     logged = measured(loop.record, loop.signals)
@@ -125,7 +120,7 @@ class Misses(NamedTuple):
 
 
 def misses(
-    loop: ClosedLoop, trajectory: JerkTrajectory, index: int, count: int, seed: int
+    loop: ClosedLoopRun, trajectory: JerkTrajectory, index: int, count: int, seed: int
 ) -> Misses:
     """Random plants of Ω_θ under the Δ that is worst for parameter `index`: is (29) kept?"""
     keys = jax.random.split(jax.random.key(seed), count)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from experiments.axes import linear_motor as motor
 from experiments.paper.designs import Cell
-from experiments.paper.runs import ClosedLoop, OpenLoopRun
+from experiments.paper.runs import ClosedLoopRun, OpenLoopRun
 from jaxid._checks import require
 from jaxid.io.files import Cell as Value
 from jaxid.io.plots import text_table
@@ -117,7 +117,7 @@ def designs_table(errors: Mapping[Cell, Errors]) -> Table:
     return Table(DESIGNS, rows)
 
 
-def table_2(loops: Mapping[Cell, ClosedLoop], errors: Mapping[Cell, Errors]) -> Table:
+def table_2(loops: Mapping[Cell, ClosedLoopRun], errors: Mapping[Cell, Errors]) -> Table:
     """θ̂ ± J_f of each parameter from its own experiment (Table II), exact signals."""
     rows: list[Row] = []
     for cell, loop in loops.items():
@@ -153,7 +153,7 @@ def table_3(runs: Mapping[float, OpenLoopRun]) -> Table:
     return Table(TABLE_3, rows)
 
 
-def limits_table(loops: Mapping[Cell, ClosedLoop]) -> Table:
+def limits_table(loops: Mapping[Cell, ClosedLoopRun]) -> Table:
     """What the axis actually did at the ticks, beside the limits kept by the reference alone."""
     limits = motor.limits()
     rows: list[Row] = []

@@ -21,19 +21,25 @@ from jaxid.axis.identify import identify_axis
 from jaxid.axis.prior import propose
 from jaxid.axis.simulate import simulate_axis
 from jaxid.axis.tradeoff import tradeoff
-from jaxid.design.optimal_motion import GuaranteedEffort
 from jaxid.io.files import read_trajectory, write_bytes
 from jaxid.io.log_file import Columns, read_log
 from jaxid.runtime import configure, connect, processors
-from jaxid.search.multistart import Effort
+from jaxid.search.effort import Effort
 
-_QUICK = GuaranteedEffort(1, Effort(starts=16, generations=10, rounds=0, polished=1), (1e-3, 1e-4))
+_QUICK = Effort(
+    starts=16,
+    generations=10,
+    rounds=0,
+    finalists=1,
+    searches=1,
+    predicted_smoothings=(1e-3, 1e-4),
+)
 CONTRADICTED = 3  # the exit code
 _DESCRIPTION = (
     "From limits of a machine axis to guaranteed intervals of its parameters. Exit codes: 0 done, "
     "1 refused, 2 not understood, 3 the log contradicts the axis, 130 stopped."
 )
-EFFORTS = {"usual": GuaranteedEffort(), "quick": _QUICK}
+EFFORTS = {"usual": Effort(), "quick": _QUICK}
 
 
 def init(

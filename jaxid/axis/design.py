@@ -14,7 +14,8 @@ from jaxid._checks import require
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.design.nominal_log import nominal_log
-from jaxid.design.optimal_motion import GuaranteedEffort, design_guaranteed
+from jaxid.design.optimal_motion import optimal_motion
+from jaxid.design.predicted_error import PredictedError
 from jaxid.identification.assumptions import assumptions
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
@@ -24,7 +25,8 @@ from jaxid.motion.feasibility import interior
 from jaxid.motion.point_to_point import approach, joined, wait
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import LowerBound, lower_bound
-from jaxid.search.multistart import Report
+from jaxid.search.effort import Effort
+from jaxid.search.problem import Report
 
 ALL = "all"  # parameters at once, each error over its floor
 WANTED = "wanted"  # those of the file, each error over what is wanted
@@ -60,7 +62,7 @@ def design_axis(
     axis: Axis,
     target: str = ALL,
     seed: int = 0,
-    effort: GuaranteedEffort = GuaranteedEffort(),
+    effort: Effort = Effort(),
     tell: Report = lambda message: None,
 ) -> AxisDesign:
     """The motion whose log can be expected to prove most.
@@ -82,7 +84,8 @@ def design_axis(
     tell("floor of every parameter")
     least = lower_bound(system, task.limits)
     targets, key = _targets(axis, target, least), jax.random.key(seed)
-    motion = design_guaranteed(system, task, targets, key, servo, effort=effort, report=tell)
+    criterion = PredictedError(system, targets, servo, velocity_error=axis.velocity_error)
+    motion = optimal_motion(task, criterion, key, effort=effort, report=tell).trajectory
     tell("what it is worth")
     return appraised(axis, target, in_words(seed, effort), motion, least)
 
@@ -111,7 +114,7 @@ def require_possible(axis: Axis, target: str) -> None:
     interior(task.limits, task.boundary, task.intervals, task.period)
 
 
-def in_words(seed: int, effort: GuaranteedEffort) -> str:
+def in_words(seed: int, effort: Effort) -> str:
     """Of a search, to tell it from others."""
     return f"seed {seed}, {effort}"
 
@@ -200,7 +203,7 @@ def summary(found: AxisDesign, left: dict[str, float]) -> dict[str, Any]:
         "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
         "margins": left,
         "rests_on": list(
-            assumptions(system, nominal_log(system, motion, axis.servo), delay=axis.delay)
+            assumptions(system, nominal_log(system, motion, axis.servo), delay=axis.servo.delay)
         ),
     }
 

@@ -21,10 +21,8 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.axis.schema import AxisTables, Coordinate, whole
-from jaxid.design.nominal_log import nominal_log_model
 from jaxid.io.log_file import Columns
-from jaxid.loop.controllers import Controller, Delayed
-from jaxid.loop.sensors import Encoder, IdealSensor, Sensor
+from jaxid.loop.controllers import Controller
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.motion.task import Task
@@ -39,9 +37,9 @@ class Axis(NamedTuple):
     Attributes:
         system: in the unit of its input.
         task: its limits in that unit too.
-        servo: without a controller.
+        servo: its sample period, encoder and delay.
         gain: unit of the input per unit of what is commanded.
-        delay: servo periods until a command acts.
+        velocity_error: of the axis near a jump of δ, m/s or rad/s, that a design allows for.
         columns: of its logs, if the file says; the input converted by the gain.
         controller: that tracks a motion, if the file says; in the unit of the input.
         wanted: how small the errors of the parameters should be, in their units; inf where the
@@ -55,7 +53,7 @@ class Axis(NamedTuple):
     task: Task
     servo: Servo
     gain: float
-    delay: int
+    velocity_error: float
     columns: Columns | None
     controller: Controller | None
     wanted: Float[Array, " m"]
@@ -64,27 +62,21 @@ class Axis(NamedTuple):
     digest: str
 
     @property
-    def law(self) -> Controller:
-        """What tracks a motion, its commands acting as late as they do.
+    def tracking_controller(self) -> Controller:
+        """What tracks a motion.
 
         Raises:
             ValueError: if the file has no controller.
         """
         if self.controller is None:
             raise ValueError("Argument `axis` must have a table [controller] to track a motion.")
-        return Delayed(self.controller, self.delay) if self.delay else self.controller
-
-    @property
-    def sensor(self) -> Sensor:
-        """What the controller sees."""
-        resolution = self.servo.resolution
-        return Encoder(resolution) if resolution > 0 else IdealSensor()
+        return self.controller
 
     def lasting(self, duration: float) -> "Axis":
         """The same axis with motions of another duration, s."""
         period = self.task.period
         axis = self._replace(task=self.task._replace(intervals=whole(duration, period, "a motion")))
-        _require_logs(axis.system, axis.task, axis.servo)
+        _require_logs(axis.task, axis.servo)
         return axis
 
 
@@ -115,15 +107,15 @@ def example(coordinate: Coordinate) -> str:
 def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
     limits, motion = tables.limits.of(system, tables.input), tables.motion
     task = Task(limits, motion.boundary(), motion.intervals, motion.knot_period)
-    servo = Servo(tables.servo.period, tables.servo.resolution, None, tables.servo.velocity_error)
-    _require_logs(system, task, servo)
-    gain, delay, log, law = tables.input.gain, tables.input.delay, tables.log, tables.controller
+    servo = Servo(tables.servo.period, tables.servo.resolution, tables.input.delay)
+    _require_logs(task, servo)
+    gain, log, law = tables.input.gain, tables.log, tables.controller
     return Axis(
         system,
         task,
         servo,
         gain,
-        delay,
+        tables.servo.velocity_error,
         None if log is None else log.columns(tables.coordinate, gain),
         None if law is None else law.controller(system),
         tables.targets(system),
@@ -133,10 +125,10 @@ def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
     )
 
 
-def _require_logs(system: System, task: Task, servo: Servo) -> None:
+def _require_logs(task: Task, servo: Servo) -> None:
     """Refuse a servo that no log of a motion can be kept with."""
     at_rest = uniform(task.boundary.start, jnp.zeros(task.intervals), task.period)
-    nominal_log_model(system, at_rest, servo)
+    servo.ticks(at_rest)
 
 
 def _system(tables: AxisTables, path: Path, run_python: bool) -> System:

@@ -64,7 +64,7 @@ def identify_axis(
     _require_plausible(recorded, axis.task.limits, axis.system)
     servo, system = axis.servo, axis.system
     found = steady_segments(
-        recorded, servo.period, servo.resolution, axis.delay, longest=SIZES.samples
+        recorded, servo.period, servo.resolution, axis.servo.delay, longest=SIZES.samples
     )
     logs = [piece.log for piece in found]
     fit = _fit_if_possible(system, logs)
@@ -133,7 +133,7 @@ def summary(found: Identified) -> dict[str, Any]:
             }
             for piece in found.pieces
         ],
-        "rests_on": list(assumptions(system, *logs, delay=axis.delay)),
+        "rests_on": list(assumptions(system, *logs, delay=axis.servo.delay)),
     }
 
 

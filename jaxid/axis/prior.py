@@ -65,7 +65,7 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
             or a friction is below zero, or no δ explains it.
     """
     servo, system = axis.servo, axis.system
-    pieces = steady_segments(recorded, servo.period, servo.resolution, axis.delay)
+    pieces = steady_segments(recorded, servo.period, servo.resolution, axis.servo.delay)
     logs = [piece.log for piece in pieces]
     found = fit_least_squares(system, logs)
     require(

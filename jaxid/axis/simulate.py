@@ -17,14 +17,13 @@ from jaxid.identification.assumptions import assumptions
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
 from jaxid.io.files import UNITS, write_json
-from jaxid.loop.closed_loop import Loop, plant_violations
+from jaxid.loop.closed_loop import ClosedLoop, closed_loop, plant_violations
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.log import Log
 from jaxid.loop.scenarios import Scenarios, random_scenarios
-from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Signals
 from jaxid.motion.limits import Limits
-from jaxid.motion.trajectory import JerkTrajectory, ticks
+from jaxid.motion.trajectory import JerkTrajectory
 
 FILES = ("simulation.json", "simulation.png")
 _SUBSTEPS = 5  # Runge-Kutta steps per period: what happens between ticks counts
@@ -99,22 +98,18 @@ def simulate_axis(
     return Simulated(axis, whole, seed, plants, sides, drawn, np.stack(lengths), outside, kept[0])
 
 
-def _loop(axis: Axis, motion: JerkTrajectory) -> Loop:
-    period = axis.servo.period
-    return Loop(axis.law, axis.sensor, period, ticks(motion, period), substeps=_SUBSTEPS)
+def _loop(axis: Axis, motion: JerkTrajectory) -> ClosedLoop:
+    return closed_loop(axis.tracking_controller, axis.servo, motion, substeps=_SUBSTEPS)
 
 
 @eqx.filter_jit
-def _signals(loop: Loop, scenarios: Scenarios, motion: JerkTrajectory) -> Signals:
+def _signals(loop: ClosedLoop, scenarios: Scenarios, motion: JerkTrajectory) -> Signals:
     return scenarios.map(lambda plant: loop(plant, motion)[1])
 
 
 def _log(axis: Axis, signals: Signals, k: int) -> Log:
     """Of plant k, as its servo would keep it."""
-    resolution, read = axis.servo.resolution, signals.position[k, ::_SUBSTEPS]
-    if resolution > 0:
-        read = Encoder(resolution).quantise(read)
-    return Log(signals.input[k], read, axis.servo.period, resolution)
+    return axis.servo.log(jax.tree.map(lambda x: x[k], signals))
 
 
 def _sides(limits: Limits) -> tuple[str, ...]:
@@ -147,7 +142,7 @@ def summary(found: Simulated) -> dict[str, Any]:
             name: {"unit": unit, "median": float(median), "most": float(most)}
             for name, unit, median, most in zip(system.names, system.units, *lengths, strict=True)
         },
-        "rests_on": list(assumptions(system, found.log, delay=found.axis.delay)),
+        "rests_on": list(assumptions(system, found.log, delay=found.axis.servo.delay)),
     }
 
 

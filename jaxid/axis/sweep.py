@@ -97,11 +97,11 @@ def study(
     truths = scenarios(axis, plants, seed)
     swept = grid(
         axis.system,
-        axis.sensor,
+        axis.servo.sensor,
         NoDisturbance(),
         Swept(
             [played(axis, motion) for motion in motions.values()],
-            [scaled(axis.law, factor) for factor in factors],
+            [scaled(axis.servo.delayed(axis.tracking_controller), factor) for factor in factors],
             list(truths.values()),
             bandwidths,
         ),

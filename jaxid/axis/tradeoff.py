@@ -15,13 +15,13 @@ from jaxid.axis.design import (
     write_design,
 )
 from jaxid.axis.file import PROGRAM, Axis
-from jaxid.design.optimal_motion import GuaranteedEffort
 from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import worst_violation
 from jaxid.regression.lower_bound import lower_bound
-from jaxid.search.multistart import Report
+from jaxid.search.effort import Effort
+from jaxid.search.problem import Report
 
 FILES = ("tradeoff.csv", "tradeoff.png")
 COLUMNS = ("target", "duration_s", "parameter", "unit", "J", "guaranteed", "floor", "gap")
@@ -33,7 +33,7 @@ def tradeoff(
     durations: Sequence[float],
     out: Path,
     seed: int = 0,
-    effort: GuaranteedEffort = GuaranteedEffort(),
+    effort: Effort = Effort(),
     tell: Report = lambda message: None,
     *,
     replace: bool = False,

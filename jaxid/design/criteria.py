@@ -1,9 +1,10 @@
-"""What a design minimises: scalar functions of a motion and of how far corners are rounded.
+"""What a design minimises: scalar functions of a motion and of how far kinks are smoothed.
 
 Each is the log of a worst-case least-squares error J, on the desired motion itself (16), on what a
 filter leaves of it, or on what the closed loop makes of it (29).
 """
 
+import abc
 from collections.abc import Callable
 
 import equinox as eqx
@@ -12,21 +13,66 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._types import Scalar
-from jaxid.loop.closed_loop import Loop
+from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.record import Record, rows_of
 from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System, smoothed
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.task import Task
+from jaxid.motion.trajectory import JerkTrajectory, States
 from jaxid.regression.filters import filtered
 from jaxid.regression.worst_case import (
     Norm,
+    individual,
     least_squares,
     smooth_worst_case_error,
     worst_case_error,
 )
+from jaxid.search.problem import Objective
 
-Criterion = Callable[[Record, Scalar], Scalar]
+RecordCriterion = Callable[[Record, Scalar], Scalar]
+
+
+class Criterion(eqx.Module):
+    """What a design minimises, where one function of the motion is not enough: for subclasses.
+
+    A criterion that is a function of trajectory and smoothing needs no class.
+    """
+
+    @abc.abstractmethod
+    def near(self, task: Task, motion: JerkTrajectory) -> Objective:
+        """The objective for motions near to one: of a trajectory and a smoothing, of order one."""
+
+    def coarse(self, task: Task, motion: JerkTrajectory) -> Objective:
+        """A cheaper objective, for the search among random motions; `motion` is any admissible one.
+
+        Default the same as `near`.
+        """
+        return self.near(task, motion)
+
+
+class LeastSquaresError(Criterion):
+    """J of (16): the worst-case error of least squares on the desired motion itself.
+
+    Attributes:
+        system: with its prior box, regressors and δ.
+        target: the name of one parameter, or a norm of the error of all of them.
+    """
+
+    system: System
+    target: str | Norm
+
+    def near(self, task: Task, motion: JerkTrajectory) -> "PlannedError":
+        return self._planned(task, 64)
+
+    def coarse(self, task: Task, motion: JerkTrajectory) -> "PlannedError":
+        return self._planned(task, 5)
+
+    def _planned(self, task: Task, nodes: int) -> "PlannedError":
+        system, norm = self.system, self.target
+        if isinstance(norm, str):
+            norm = individual(system.index(norm), len(system.names))
+        return PlannedError(system, norm, abs(task.limits.velocity).max(), nodes)
 
 
 class PlannedError(eqx.Module):
@@ -90,7 +136,7 @@ class PerfectTracking(eqx.Module):
     """
 
     system: System
-    criterion: Criterion
+    criterion: RecordCriterion
     speed: Scalar = eqx.field(converter=jnp.asarray)
     period: Scalar = eqx.field(converter=jnp.asarray)
     ticks: int = eqx.field(static=True)
@@ -122,9 +168,9 @@ class ThroughLoop(eqx.Module):
         worst: over the scenarios, or their mean.
     """
 
-    loop: Loop
+    loop: ClosedLoop
     scenarios: Scenarios
-    criterion: Criterion
+    criterion: RecordCriterion
     speed: Scalar = eqx.field(converter=jnp.asarray)
     blend: Scalar = eqx.field(converter=jnp.asarray)
     worst: bool = eqx.field(static=True, default=True)
@@ -161,4 +207,31 @@ def planned_error(
         nodes: of the midpoint rule, per interval; halving them moves J by less than 1e-4 of itself.
     """
     rows = rows_of(system, *trajectory.midpoints(nodes))
+    return worst_case_error(least_squares(rows), rows.delta)
+
+
+@eqx.filter_jit
+def sampled_error(
+    system: System,
+    time: Float[Array, " n"],
+    position: Float[Array, " n"],
+    velocity: Float[Array, " n"],
+    acceleration: Float[Array, " n"],
+) -> Float[Array, " m"]:
+    """J of every parameter for a motion that is given by samples, of whatever origin.
+
+    Args:
+        system: with its regressors and δ.
+        time: of the samples, increasing, s.
+        position: m or rad.
+        velocity: m/s or rad/s.
+        acceleration: m/s² or rad/s².
+
+    Returns:
+        The worst-case error of least squares on exact signals (15), by the trapezoid rule: for
+        samples of a `JerkTrajectory` it tends to `planned_error` as they get denser.
+    """
+    steps = jnp.diff(time)
+    weights = (jnp.append(steps, 0.0) + jnp.append(0.0, steps)) / 2
+    rows = rows_of(system, States(position, velocity, acceleration), weights)
     return worst_case_error(least_squares(rows), rows.delta)

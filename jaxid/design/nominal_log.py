@@ -9,16 +9,16 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxid._checks import require, require_at_least_zero, require_positive
 from jaxid._types import Scalar, dot
-from jaxid.loop.closed_loop import Loop
+from jaxid.loop.closed_loop import ClosedLoop, closed_loop
+from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.log import Log
 from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System
-from jaxid.motion.trajectory import JerkTrajectory, States, ticks
+from jaxid.motion.trajectory import JerkTrajectory, States
 
 
 class NominalLog(eqx.Module):
@@ -61,7 +61,7 @@ class ClosedLoopTracking(NominalLog):
         resolution: of the encoder that the log is kept with, m or rad.
     """
 
-    loop: Loop
+    loop: ClosedLoop
     plant: Plant
     resolution: Scalar = eqx.field(converter=jnp.asarray)
 
@@ -74,37 +74,41 @@ class ClosedLoopTracking(NominalLog):
         return log, States(y, v, record.rows.columns[0])
 
 
-def nominal_log_model(system: System, trajectory: JerkTrajectory, servo: Servo) -> NominalLog:
-    """For motions as long as this one.
+def nominal_log_model(
+    system: System,
+    trajectory: JerkTrajectory,
+    servo: Servo,
+    controller: Controller | None = None,
+) -> NominalLog:
+    """The nominal log as a differentiable function of motions as long as this one.
 
-    Raises:
-        ValueError: if the period does not divide the duration into two ticks or more, or a
-            number is negative or not finite.
+    The arguments are those of `nominal_log`.
     """
-    for name in ("resolution", "velocity_error"):
-        require_at_least_zero(name, "a servo", getattr(servo, name))
-    require_positive("period", "a servo", servo.period)
-    count = ticks(trajectory, servo.period)
-    require(
-        count >= 2,
-        f"Argument `period` of a servo must be half of the motion's duration, or less, but is "
-        f"{servo.period:g} s for {float(trajectory.duration):g} s.",
-    )
-    if servo.controller is None:
+    count = servo.ticks(trajectory)
+    if controller is None:
         return ExactTracking(system, servo.period, servo.resolution, count)
-    loop = Loop(servo.controller, IdealSensor(), servo.period, count)
+    loop = closed_loop(controller, servo, trajectory, sensor=IdealSensor())
     return ClosedLoopTracking(loop, Plant(system, system.centre, NoDisturbance()), servo.resolution)
 
 
-def nominal_log(system: System, trajectory: JerkTrajectory, servo: Servo) -> Log:
-    """The log of an axis in the middle of its box; what it guarantees can be expected of others.
+def nominal_log(
+    system: System,
+    trajectory: JerkTrajectory,
+    servo: Servo,
+    controller: Controller | None = None,
+) -> Log:
+    """The log that a motion leaves on an undisturbed axis in the middle of its prior box.
 
     Args:
         system: with the prior box.
         trajectory: the motion.
-        servo: what runs it.
+        servo: sample period and resolution of the log.
+        controller: whose closed loop is expected; default an axis that follows the motion exactly.
+
+    Raises:
+        ValueError: if the period does not divide the motion into two periods or more.
     """
-    return _log(nominal_log_model(system, trajectory, servo), trajectory)
+    return _log(nominal_log_model(system, trajectory, servo, controller), trajectory)
 
 
 @eqx.filter_jit

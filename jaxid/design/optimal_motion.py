@@ -1,184 +1,154 @@
-"""Motions to identify an axis by: for least squares (16), and for what their log can prove."""
+"""The motion that minimises a criterion under limits: from random motions, or from a given one."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import PRNGKeyArray
 
 from jaxid._checks import require, require_float64
 from jaxid._types import Scalar
-from jaxid.design.criteria import PlannedError
-from jaxid.design.guaranteed_criterion import GuaranteedError, expected_error, require_targets
-from jaxid.design.nominal_log import nominal_log_model
-from jaxid.loop.servo import Servo
-from jaxid.model.system import System
+from jaxid.design.criteria import Criterion
+from jaxid.design.predicted_error import PredictedError
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
-from jaxid.regression.worst_case import Norm, individual, infinity
-from jaxid.search.multistart import Design, Effort, Report, Show, design
-from jaxid.search.problem import Problem
+from jaxid.search.effort import Effort
+from jaxid.search.local import improve
+from jaxid.search.multistart import multistart
+from jaxid.search.problem import Design, Objective, Problem, Report, Show
 from jaxid.search.restoration import interior_motion, restored
-from jaxid.search.slp import polish
+from jaxid.search.slp import refined
 
 _MET = 1e-9  # half-widths: far more than rounding leaves, and than any stop would notice
 
 
-class GuaranteedEffort(NamedTuple):
-    """How long to search for a motion by what its log can prove.
-
-    Attributes:
-        starts: searches for a start. In 40 % of those for the motor the order of the dwells is one
-            that ends 0.8 % above the others, so that four of them fail together in 3 % of cases.
-        search: the effort of each.
-        smoothings: of the guaranteed error in its polish: the large ones move a motion into another
-            order of its dwells, the small ones see what an instant at the threshold of δ is worth.
-            Without the first the motor's M ends half a per cent higher, without the last a third.
-        steps: linear programs, at most, for each smoothing.
-    """
-
-    starts: int = 4
-    search: Effort = Effort()
-    smoothings: tuple[float, ...] = (1e-3, 3e-4, 1e-4, 3e-5)
-    steps: int = 25
-
-
-def design_motion(
-    system: System,
+def optimal_motion(
     task: Task,
-    target: str | Norm,
-    key: PRNGKeyArray,
+    criterion: Criterion | Objective,
+    start: PRNGKeyArray | JerkTrajectory,
     *,
     shorter: JerkTrajectory | None = None,
     effort: Effort = Effort(),
     report: Report = lambda message: None,
     show: Show = lambda trajectory: None,
 ) -> Design:
-    """(16): the motion within the limits whose worst-case least-squares error is smallest.
+    """The motion within the limits that minimises a criterion.
+
+    From a key a search begins with many random motions; from a given motion it improves that one.
+    Random motions hardly ever lead to a good `PredictedError`: for that, the best motions for least
+    squares with the same targets are found first, several times, since the refinement that follows
+    cannot change the order in which a motion is fast and slow. The best of them is refined further.
 
     Args:
-        system: the axis, its prior box and its disturbance bound.
-        task: what the desired motion must do.
-        target: the name of one parameter, or a norm.
-        key: for the random starts.
-        shorter: a good motion with fewer intervals, to start half of the search from.
+        task: limits, boundary conditions and duration of the motion.
+        criterion: a `LeastSquaresError`, a `PredictedError`, a `Criterion` of your own, or any
+            function of a trajectory and a smoothing (0 for the exact value) that JAX can
+            differentiate, of order one: take the log of a positive quantity.
+        start: a random key for a search; or a motion as long as the task's, which is restored to
+            the limits where it leaves them, and never made worse.
+        shorter: a good motion with fewer intervals: some random starts are longer copies of it.
         effort: how long to search.
-        report: told what goes on.
-        show: handed the best admissible motion after each descent, and each polished one.
-    """
-    require_float64("system", system)
-    require_float64("limits", task.limits)
-    norm = (
-        individual(system.index(target), len(system.names)) if isinstance(target, str) else target
-    )
-    speed = abs(task.limits.velocity).max()
-    coarse, fine = (PlannedError(system, norm, speed, nodes) for nodes in (5, 64))
-    return design(
-        coarse, task, key, fine=fine, shorter=shorter, effort=effort, report=report, show=show
-    )
-
-
-def design_guaranteed(
-    system: System,
-    task: Task,
-    targets: Sequence[float] | Float[Array, " m"],
-    start: PRNGKeyArray | JerkTrajectory,
-    servo: Servo,
-    *,
-    largest: bool = True,
-    effort: GuaranteedEffort = GuaranteedEffort(),
-    report: Report = lambda message: None,
-) -> JerkTrajectory:
-    """The motion whose log can be expected to prove most: the largest error over its target.
-
-    A search for it from random motions hardly ever succeeds; the best motions for least squares,
-    with the same targets, are good starts. In which order they dwell is what the polish that
-    follows cannot change: of several starts the one is kept that a first polish makes the best.
-
-    Args:
-        system: the axis, its prior box and its disturbance bound.
-        task: what the desired motion must do.
-        targets: what each parameter's error is compared with, in its unit; inf leaves one out.
-        start: a motion as long as the task's, walked back into the limits where it leaves them and
-            never made worse by what is searched for; or a key to search for several.
-        servo: what keeps the log, and how far the velocity may be off the motion's where δ jumps;
-            with its controller, the motion that counts is that of the closed loop.
-        largest: of the relative errors counts; or else their sum, so that 1/targets are weights.
-        effort: how long to search.
-        report: told what goes on.
+        report: called with what is being computed.
+        show: called with the best admissible motions on the way.
 
     Raises:
-        InfeasibleError: if no motion of this length keeps the limits.
+        InfeasibleError: if no motion of this duration keeps the limits, proved by a linear program.
         ValueError: if an argument cannot be, in a sentence that names it.
     """
-    require_float64("system", system)
+    require_float64("criterion", eqx.filter(criterion, eqx.is_array))
     require_float64("limits", task.limits)
-    goals = jnp.asarray(targets, dtype=float)
-    require_targets(system, goals)
-    bare = Problem.of(task, _nothing)
-    deep = interior_motion(bare, task.intervals, task.period)
-    nominal_log_model(system, deep, servo)  # refuses a servo that no log can be kept with
-    search = _Search(system, task, deep, goals, servo, largest, effort, report)
+    deep = interior_motion(Problem.of(task, _nothing), task.intervals, task.period)
+    search = _Search(task, criterion, deep, effort, report, show)
     if isinstance(start, JerkTrajectory):
-        given = restored(bare, deep, _matching(task, start))
-        return search.better(given, search.polished(given, effort.smoothings))
-    return search.from_key(start)
+        return search.from_motion(_matching(task, start))
+    if isinstance(criterion, PredictedError):
+        return search.predicted_from_key(criterion, start)
+    return search.from_key(start, shorter)
 
 
 class _Search(NamedTuple):
     """What stays the same from motion to motion; `deep` is one with room to all limits."""
 
-    system: System
     task: Task
+    criterion: Criterion | Objective
     deep: JerkTrajectory
-    targets: Float[Array, " m"]
-    servo: Servo
-    largest: bool
-    effort: GuaranteedEffort
+    effort: Effort
     report: Report
+    show: Show
 
-    def from_key(self, key: PRNGKeyArray) -> JerkTrajectory:
-        """The best of several searches."""
-        count, first, norm = self.effort.starts, self.effort.smoothings[:1], infinity(self.targets)
-        require(count >= 1, f"Argument `starts` of an effort must be 1 or more, but is {count}.")
+    def from_key(self, key: PRNGKeyArray, shorter: JerkTrajectory | None) -> Design:
+        """The best of many random starts."""
+        criterion, coarse = self.criterion, self.near(self.deep)
+        if isinstance(criterion, Criterion):
+            coarse = criterion.coarse(self.task, self.deep)
+        return multistart(
+            self.task,
+            coarse,
+            self.near(self.deep),
+            key,
+            shorter=shorter,
+            effort=self.effort,
+            report=self.report,
+            show=self.show,
+        )
+
+    def predicted_from_key(self, criterion: PredictedError, key: PRNGKeyArray) -> Design:
+        """The best of several searches, each from the best motion for least squares."""
+        count, smoothings = self.effort.searches, self.effort.predicted_smoothings
+        require(count >= 1, f"Argument `searches` of an effort must be 1 or more, but is {count}.")
+        criterion.near(self.task, self.deep)  # refuses a servo without a log before the search
         found = []
         for k, own in enumerate(jax.random.split(key, count), start=1):
             label = f"search {k} of {count}"
-            motion = design_motion(
-                self.system,
-                self.task,
-                norm,
-                own,
-                effort=self.effort.search,
+            search = self._replace(
+                criterion=criterion.start,
                 report=lambda words, label=label: self.report(f"{label}: {words}"),
-            ).trajectory
-            self.report(f"{label}: guaranteed errors")
-            motion = self.polished(motion, first)
+            )
+            motion = search.from_key(own, None).trajectory
+            self.report(f"{label}: predicted errors")
+            motion = self.refined(motion, smoothings[:1])
             found.append((self.value(motion), k, motion))
-        self.report("polish of the best")
+        self.report("refinement of the best")
         best = min(found)[-1]
-        return self.better(best, self.polished(best, self.effort.smoothings[1:]))
+        better = self.better(best, self.refined(best, smoothings[1:]))
+        return self.design(better, tuple(value for value, _, _ in found))
 
-    def polished(self, motion: JerkTrajectory, smoothings: Sequence[float]) -> JerkTrajectory:
-        """For the errors that motions near this one can be expected to guarantee."""
-        return polish(self.problem(motion), self.deep, motion, self.effort.steps, smoothings)
+    def from_motion(self, start: JerkTrajectory) -> Design:
+        """A given motion, improved."""
+        if not isinstance(self.criterion, PredictedError):
+            return improve(self.problem(start), start, self.effort, self.report)
+        given = restored(self.problem(self.deep), self.deep, start)
+        found = self.better(given, self.refined(given, self.effort.predicted_smoothings))
+        return self.design(found, (self.value(given),))
+
+    def refined(self, motion: JerkTrajectory, smoothings: tuple[float, ...]) -> JerkTrajectory:
+        """By linear programs, for the criterion near to the motion."""
+        programs = self.effort.predicted_programs
+        return refined(self.problem(motion), self.deep, motion, programs, smoothings)
 
     def better(self, one: JerkTrajectory, other: JerkTrajectory) -> JerkTrajectory:
-        """Each by the log that it foresees itself."""
+        """Each by the criterion near to itself."""
         return other if self.value(other) <= self.value(one) else one
 
+    def design(self, motion: JerkTrajectory, history: tuple[float, ...]) -> Design:
+        """With its value."""
+        self.show(motion)
+        value = self.value(motion)
+        return Design(motion, value, (*history, value))
+
     def value(self, motion: JerkTrajectory) -> float:
-        """By the log that the motion foresees itself."""
+        """By the criterion near to the motion, not smoothed."""
         return float(self.problem(motion).value(motion))
 
     def problem(self, motion: JerkTrajectory) -> Problem:
         """For motions near to one."""
-        speed = abs(self.task.limits.velocity).max()
-        objective: GuaranteedError = expected_error(
-            self.system, self.targets, motion, self.servo, speed, largest=self.largest
-        )
-        return Problem.of(self.task, objective)
+        return Problem.of(self.task, self.near(motion))
+
+    def near(self, motion: JerkTrajectory) -> Objective:
+        """To be minimised near to one motion."""
+        criterion = self.criterion
+        return criterion.near(self.task, motion) if isinstance(criterion, Criterion) else criterion
 
 
 def _matching(task: Task, start: JerkTrajectory) -> JerkTrajectory:

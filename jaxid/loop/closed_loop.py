@@ -1,5 +1,7 @@
 """The closed loop as a function of the motion, and the plants that it may meet."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,16 +13,17 @@ from jaxid.loop.disturbances import Disturbance
 from jaxid.loop.log import Log
 from jaxid.loop.record import Record
 from jaxid.loop.scenarios import Scenarios
-from jaxid.loop.sensors import Encoder, Sensor
+from jaxid.loop.sensors import Sensor
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.model.interval_arithmetic import Range, exactly
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
-from jaxid.motion.trajectory import JerkTrajectory, reference, ticks
+from jaxid.motion.trajectory import JerkTrajectory, reference
 from jaxid.motion.violation import Envelope, Prediction, axis_violations
 
 
-class Loop(eqx.Module):
+class ClosedLoop(eqx.Module):
     """An experiment but for its motion and its plant.
 
     Attributes:
@@ -53,7 +56,7 @@ class SampledPlants(Prediction):
         scenarios: the plants.
     """
 
-    loop: Loop
+    loop: ClosedLoop
     scenarios: Scenarios
 
     @property
@@ -67,7 +70,7 @@ class SampledPlants(Prediction):
 
 @eqx.filter_jit
 def plant_violations(
-    loop: Loop, scenarios: Scenarios, limits: Limits, trajectory: JerkTrajectory
+    loop: ClosedLoop, scenarios: Scenarios, limits: Limits, trajectory: JerkTrajectory
 ) -> Float[Array, "k sides"]:
     """How far each plant is beyond each limit, at worst, in half-widths; ≤ 0 keeps it.
 
@@ -84,7 +87,7 @@ def plant_violations(
 
 
 @eqx.filter_jit
-def _envelope(loop: Loop, scenarios: Scenarios, trajectory: JerkTrajectory) -> Envelope:
+def _envelope(loop: ClosedLoop, scenarios: Scenarios, trajectory: JerkTrajectory) -> Envelope:
     def extremes(values: Float[Array, "k n"]) -> Range:
         # at each tick of the motion: over plants, repeats and the steps within the tick
         apart = values.reshape(values.shape[0], loop.repeats, loop.ticks, -1)
@@ -95,28 +98,73 @@ def _envelope(loop: Loop, scenarios: Scenarios, trajectory: JerkTrajectory) -> E
     return Envelope(*map(extremes, scenarios.map(lambda p: _columns(loop, p, trajectory))))
 
 
-def _columns(loop: Loop, plant: Plant, trajectory: JerkTrajectory) -> tuple[Motion, ...]:
+def _columns(loop: ClosedLoop, plant: Plant, trajectory: JerkTrajectory) -> tuple[Motion, ...]:
     """Position and velocity after every step; input and its rate at every tick."""
     signals = loop(plant, trajectory)[1]
     rate = jnp.diff(signals.input, prepend=jnp.zeros(1)) / loop.period
     return signals.position[1:], signals.velocity[1:], signals.input, rate
 
 
+class Run(NamedTuple):
+    """One simulated experiment.
+
+    Attributes:
+        record: exact rows of u = φᵀθ + Δ, one per servo period, and their inputs.
+        signals: what the axis did.
+        log: what the servo records of it.
+    """
+
+    record: Record
+    signals: Signals
+    log: Log
+
+
 def run(
     plant: Plant,
     controller: Controller,
-    sensor: Sensor,
+    servo: Servo,
     trajectory: JerkTrajectory,
-    period: float,
+    *,
+    sensor: Sensor | None = None,
     repeats: int = 1,
-) -> tuple[Record, Signals]:
-    """Track a motion, repeated back to back, with a controller of the given period (s)."""
-    desired = reference(trajectory, period, ticks(trajectory, period), repeats)
-    return simulate(plant, controller, sensor, desired, period)
+    substeps: int = 1,
+) -> Run:
+    """Simulate one experiment: a motion, tracked in closed loop, and its log.
+
+    Args:
+        plant: the true axis.
+        controller: any feedback law; its commands act after the delay of the servo.
+        servo: sample period, encoder and delay.
+        trajectory: the motion; its duration is a whole number of periods.
+        sensor: what the controller measures; default the encoder of the servo.
+        repeats: how often the motion is run, back to back, from rest.
+        substeps: Runge-Kutta steps per period.
+
+    Raises:
+        ValueError: if the period does not divide the duration of the motion.
+    """
+    loop = closed_loop(
+        controller, servo, trajectory, sensor=sensor, repeats=repeats, substeps=substeps
+    )
+    record, signals = loop(plant, trajectory)
+    return Run(record, signals, servo.log(signals))
 
 
-def log_of(signals: Signals, encoder: Encoder, period: float) -> Log:
-    """What the servo would have kept of a simulated experiment."""
-    n = signals.input.size
-    read = encoder.quantise(signals.position[:: (signals.position.size - 1) // n])
-    return Log(signals.input, read, period, encoder.resolution)
+def closed_loop(
+    controller: Controller,
+    servo: Servo,
+    trajectory: JerkTrajectory,
+    *,
+    sensor: Sensor | None = None,
+    repeats: int = 1,
+    substeps: int = 1,
+) -> ClosedLoop:
+    """The experiment as a function of the plant and of motions as long as this one."""
+    return ClosedLoop(
+        servo.delayed(controller),
+        servo.sensor if sensor is None else sensor,
+        servo.period,
+        servo.ticks(trajectory),
+        repeats,
+        substeps,
+    )

@@ -1,22 +1,75 @@
-"""What runs a motion and keeps its log."""
+"""The drive that runs a motion and records its log: sample period, encoder, delay, timing."""
 
-from typing import NamedTuple
+import equinox as eqx
 
-from jaxid.loop.controllers import Controller
+from jaxid._checks import require, require_at_least_zero, require_positive
+from jaxid.loop.controllers import Controller, Delayed
+from jaxid.loop.log import JITTER, Log
+from jaxid.loop.sensors import Encoder
+from jaxid.loop.simulate import Signals
+from jaxid.motion.trajectory import JerkTrajectory, ticks
 
 
-class Servo(NamedTuple):
-    """What runs a motion and keeps its log.
+class Servo(eqx.Module):
+    """The drive that runs a motion and records its log.
 
     Attributes:
-        period: s; it divides the duration of a motion.
-        resolution: of the encoder, m or rad.
-        controller: whose closed loop is expected; without one, that the axis follows exactly.
-        velocity_error: of the axis, m/s or rad/s, that a design counts with where δ jumps. What is
-            foreseen of a motion is foreseen without it.
+        period: between two samples, s. The input is held for one period (zero-order hold).
+        resolution: of the encoder, m or rad; 0 stands for exact positions.
+        delay: whole periods from a command of the controller until it acts.
+        jitter: by which samples and inputs may miss the multiples of the period, s; a tenth of the
+            period at most.
     """
 
     period: float
-    resolution: float
-    controller: Controller | None = None
-    velocity_error: float = 0.0
+    resolution: float = 0.0
+    delay: int = 0
+    jitter: float = 0.0
+
+    def __check_init__(self) -> None:
+        require_positive("period", "a servo", self.period)
+        for name in ("resolution", "delay", "jitter"):
+            require_at_least_zero(name, "a servo", getattr(self, name))
+        require(
+            self.delay == int(self.delay),
+            f"Argument `delay` of a servo must be a whole number of periods, but is {self.delay}.",
+        )
+        require(
+            self.jitter <= JITTER * self.period,
+            f"Argument `jitter` of a servo must be {JITTER:g} of its period at most, but is "
+            f"{self.jitter:g} s of {self.period:g} s.",
+        )
+
+    @property
+    def sensor(self) -> Encoder:
+        """What a controller measures: positions by the encoder, velocities by differences."""
+        return Encoder(self.resolution)
+
+    def delayed(self, controller: Controller) -> Controller:
+        """A controller whose commands act as late as this drive lets them."""
+        return Delayed(controller, self.delay) if self.delay else controller
+
+    def ticks(self, trajectory: JerkTrajectory) -> int:
+        """How many periods a motion lasts.
+
+        Raises:
+            ValueError: if these are not a whole number, two at least.
+        """
+        count = ticks(trajectory, self.period)
+        require(
+            count >= 2,
+            "Argument `period` of a servo must be half of the motion's duration, or less, but is "
+            f"{self.period:g} s for {float(trajectory.duration):g} s.",
+        )
+        return count
+
+    def log(self, signals: Signals) -> Log:
+        """What this drive records of a simulated experiment: inputs as they act, positions read.
+
+        Args:
+            signals: of one plant, in periods of this drive; Runge-Kutta steps within a period are
+                left out.
+        """
+        steps = (signals.position.size - 1) // signals.input.size
+        position = self.sensor.quantise(signals.position[::steps])
+        return Log(signals.input, position, self.period, self.resolution, self.jitter)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from jaxid._types import Scalar
-from jaxid.loop.closed_loop import Loop
+from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.disturbances import Sequence
 from jaxid.loop.scenarios import Scenarios, random_forces, random_parameters
 from jaxid.loop.simulate import Plant
@@ -26,7 +26,7 @@ class _Plants(eqx.Module):
 
 
 def find_worst_case_plants(
-    loop: Loop,
+    loop: ClosedLoop,
     system: System,
     limits: Limits,
     trajectory: JerkTrajectory,
@@ -61,7 +61,7 @@ def find_worst_case_plants(
 
 @eqx.filter_jit
 def _searched(
-    loop: Loop,
+    loop: ClosedLoop,
     system: System,
     limits: Limits,
     trajectory: JerkTrajectory,

@@ -4,9 +4,6 @@ A good motion is easily destroyed, so the search is warm: quasi-Newton steps wit
 penalties, then linear programs, and nothing but an admissible improvement is ever accepted.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,61 +13,28 @@ from jaxtyping import Array, Float
 from jaxid._types import Scalar
 from jaxid.motion.motion_space import MotionSpace, motion_space
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.search.effort import Effort
 from jaxid.search.frozen_loop import freeze
-from jaxid.search.problem import Multipliers, Problem
+from jaxid.search.problem import Design, Multipliers, Problem, Report
 from jaxid.search.restoration import interior_motion
-from jaxid.search.slp import polish, repaired
+from jaxid.search.slp import refined, repaired
 
 _ROUNDED = 1e-9  # of the objective: less is no improvement
-Report = Callable[[str], None]
 
 
-class Effort(NamedTuple):
-    """How long to improve.
-
-    Attributes:
-        rounds: of quasi-Newton steps; after each the multipliers of the limits are updated. With 0
-            nothing but linear programs is done.
-        steps: quasi-Newton steps per round.
-        smoothing: of the objective's corners in these steps.
-        penalty: of a squared violation, in half-widths, against the objective.
-        polish_steps: linear programs per smoothing of the polish.
-    """
-
-    rounds: int = 8
-    steps: int = 40
-    smoothing: float = 0.001
-    penalty: float = 30.0
-    polish_steps: int = 40
-
-
-class Refined(NamedTuple):
-    """A motion that keeps every limit, no worse than the one it began from.
-
-    Attributes:
-        trajectory: the motion.
-        value: of the objective, unsmoothed.
-        history: the value at the start and after each stage that improved it.
-    """
-
-    trajectory: JerkTrajectory
-    value: float
-    history: tuple[float, ...]
-
-
-def refine(
+def improve(
     problem: Problem,
     start: JerkTrajectory,
     effort: Effort = Effort(),
     report: Report = lambda message: None,
-) -> Refined:
-    """The start, walked back into the limits if it leaves them, and improved.
+) -> Design:
+    """Improve a given motion: restored to the limits if it leaves them, and never made worse.
 
     Args:
         problem: objective, limits and what the axis does.
         start: a motion of intervals of equal duration, without padding.
         effort: how long to improve.
-        report: told what goes on, a few words at a time.
+        report: called with what is being computed.
 
     Raises:
         ValueError: if not even the motion that stays farthest inside its limits keeps those of the
@@ -89,15 +53,15 @@ def refine(
             best = candidate
             history.append(value)
 
-    if effort.rounds:
+    if effort.newton_rounds:
         report("quasi-Newton steps")
         z = space.coordinates(best.jerk)
         found = space.trajectory(_quasi_newton(_still(problem, best), space, z, effort))
         if jnp.all(jnp.isfinite(found.jerk)):  # where an objective has no slope the search is lost
             accept(repaired(problem, deep, found))
     report("linear programs")
-    accept(polish(problem, deep, best, effort.polish_steps))
-    return Refined(best, history[-1], tuple(history))
+    accept(refined(problem, deep, best, effort.programs, effort.smoothings))
+    return Design(best, history[-1], tuple(history))
 
 
 def _still(problem: Problem, trajectory: JerkTrajectory) -> Problem:
@@ -113,7 +77,7 @@ def _quasi_newton(
     problem: Problem, space: MotionSpace, z: Float[Array, " d"], effort: Effort
 ) -> Float[Array, " d"]:
     """L-BFGS with a line search on an augmented Lagrangian."""
-    penalty, smoothing = jnp.asarray(effort.penalty), jnp.asarray(effort.smoothing)
+    penalty, smoothing = jnp.asarray(effort.newton_penalty), jnp.asarray(effort.newton_smoothing)
     method = optax.lbfgs()
 
     def round_of_steps(
@@ -138,9 +102,9 @@ def _quasi_newton(
             )
             return (eqx.apply_updates(z, update), state), None
 
-        z = jax.lax.scan(step, (z, method.init(z)), length=effort.steps)[0][0]
+        z = jax.lax.scan(step, (z, method.init(z)), length=effort.newton_steps)[0][0]
         return (z, problem.pushed(space.trajectory(z), multipliers, penalty)), None
 
     nothing = jax.tree.map(jnp.zeros_like, problem.violations(space.trajectory(z)))
-    (z, _), _ = jax.lax.scan(round_of_steps, (z, nothing), length=effort.rounds)
+    (z, _), _ = jax.lax.scan(round_of_steps, (z, nothing), length=effort.newton_rounds)
     return z

@@ -1,10 +1,9 @@
 """Search by gradients for the motion that minimises any scalar function of it, under limits (16).
 
-The objective is a value: a function of a trajectory and a smoothing. Nothing here knows what it
-computes, so the same search designs through a closed loop or on a parabola.
+The objective is a function of a trajectory and a smoothing. Nothing here knows what it computes, so
+the same search designs through a closed loop or on a parabola.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -18,57 +17,11 @@ from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.search.arc_structures import evolve_arcs
 from jaxid.search.augmented_lagrangian import LAST_SMOOTHING, descend
+from jaxid.search.effort import Effort
 from jaxid.search.initial_guesses import grown, random_starts, rearranged
-from jaxid.search.problem import Objective, Problem
+from jaxid.search.problem import Design, Objective, Problem, Report, Show
 from jaxid.search.restoration import interior_motion, restored
-from jaxid.search.slp import SMOOTHINGS, polish
-
-Report = Callable[[str], None]
-Show = Callable[[JerkTrajectory], None]
-
-
-class Effort(NamedTuple):
-    """How long to search.
-
-    Attributes:
-        starts: motions that are improved together, at the beginning.
-        generations: of motions made of dwells, before the first descent; with 0 these starts are
-            random too.
-        stages: of a descent; each goes on with the better half.
-        steps: of gradient descent per stage.
-        rounds: of rearranging the best and descending again.
-        variations: motions that are improved together in a round. In the same time four rounds of
-            32 reached further than two of 64 or eight of 16.
-        parents: how many of the best are rearranged.
-        polished: how many of the best are polished by linear programs.
-        polish_steps: linear programs per polish and smoothing.
-        smoothings: of the objective in a polish.
-    """
-
-    starts: int = 64
-    generations: int = 100
-    stages: int = 3
-    steps: int = 240
-    rounds: int = 4
-    variations: int = 32
-    parents: int = 8
-    polished: int = 2
-    polish_steps: int = 40
-    smoothings: tuple[float, ...] = SMOOTHINGS
-
-
-class Design(NamedTuple):
-    """A motion that keeps every limit exactly, and how it was found.
-
-    Attributes:
-        trajectory: the motion.
-        value: of the objective, unsmoothed.
-        history: the best objective among the admissible starts after each descent.
-    """
-
-    trajectory: JerkTrajectory
-    value: float
-    history: tuple[float, ...]
+from jaxid.search.slp import refined
 
 
 class _Pool(NamedTuple):
@@ -78,35 +31,35 @@ class _Pool(NamedTuple):
     values: Float[Array, " k"]
 
 
-def design(
-    objective: Objective,
+def multistart(
     task: Task,
+    coarse: Objective,
+    fine: Objective,
     key: PRNGKeyArray,
     *,
-    fine: Objective | None = None,
     shorter: JerkTrajectory | None = None,
     effort: Effort = Effort(),
     report: Report = lambda message: None,
     show: Show = lambda trajectory: None,
 ) -> Design:
-    """The best motion that many starts find together, and a polish of the best few.
+    """The best motion that many starts find together, refined by linear programs.
 
     Args:
-        objective: of a trajectory and a smoothing; of order one, so the log of a positive quantity.
-            Any function; those of one kind share a compilation as an `equinox.Module`, or as
-            `jax.tree_util.Partial(function, data)`.
         task: what the motion must do.
+        coarse: the objective, of a trajectory and a smoothing; of order one, so the log of a
+            positive quantity. Any function; those of one kind share a compilation as an
+            `equinox.Module`, or as `jax.tree_util.Partial(function, data)`.
+        fine: the same objective on a finer grid, for the refinement and the choice.
         key: for the starts.
-        fine: the same objective on a finer grid, for the polish and the choice; default the same.
         shorter: a good motion with fewer intervals: some of the starts are longer copies of it.
         effort: how long to search.
-        report: told what goes on, a few words at a time.
-        show: handed the best admissible motion after each descent, and each polished one.
+        report: called with what is being computed.
+        show: called with the best admissible motion after each descent, and each refined one.
 
     Raises:
         InfeasibleError: if no motion of this length keeps the limits.
     """
-    problem, (limits, boundary, intervals, period, _, size) = Problem.of(task, objective), task
+    problem, (limits, boundary, intervals, period, _, size) = Problem.of(task, coarse), task
     deep = interior_motion(problem, intervals, period, size)
     space = motion_space(limits, boundary, intervals, period, size)
     first, *keys = jax.random.split(key, effort.rounds + 1)
@@ -123,8 +76,7 @@ def design(
         history.append(float(pool.values[0]))
         show(_pick(pool, 0))
     assert pool is not None
-    exact = problem if fine is None else Problem.of(task, fine)
-    value, best = _polished(exact, deep, pool, effort, report, show)
+    value, best = _refined(Problem.of(task, fine), deep, pool, effort, report, show)
     return Design(trimmed(best), value, tuple(history))
 
 
@@ -138,7 +90,7 @@ def _variations(
     return rearranged(key, space, parents, task.period, fastest, effort.variations)
 
 
-def _polished(
+def _refined(
     problem: Problem,
     deep: JerkTrajectory,
     pool: _Pool,
@@ -146,14 +98,14 @@ def _polished(
     report: Report,
     show: Show,
 ) -> tuple[float, JerkTrajectory]:
-    polished = []
-    for k in range(min(effort.polished, pool.values.size)):
-        report(f"polish {k + 1} of {effort.polished}")
-        motion = polish(problem, deep, _pick(pool, k), effort.polish_steps, effort.smoothings)
+    finalists = []
+    for k in range(min(effort.finalists, pool.values.size)):
+        report(f"refinement {k + 1} of {effort.finalists}")
+        motion = refined(problem, deep, _pick(pool, k), effort.programs, effort.smoothings)
         reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
-        polished.append((float(reached), k, motion))
+        finalists.append((float(reached), k, motion))
         show(motion)
-    value, _, best = min(polished)  # k decides between equals
+    value, _, best = min(finalists)  # k decides between equals
     return value, best
 
 

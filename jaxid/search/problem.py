@@ -1,6 +1,7 @@
 """What a search solves (16): minimise a function of a motion, under limits and via points."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,8 +15,25 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import Prediction, axis_violations, violations, worst_violation
 
 Objective = Callable[[JerkTrajectory, Scalar], Scalar]
+Report = Callable[[str], None]
+Show = Callable[[JerkTrajectory], None]
 _MERIT_PENALTY = 100.0  # as hard as the walls of the last stage of a descent
 Multipliers = tuple[Float[Array, "..."], ...]
+
+
+class Design(NamedTuple):
+    """A motion that keeps every limit exactly, and how it was found.
+
+    Attributes:
+        trajectory: the motion.
+        value: of the objective, not smoothed: the log of an error for the criteria of `jaxid`.
+        history: of a search, the best objective after each descent; of an improvement, the value at
+            the start and after each stage that improved it.
+    """
+
+    trajectory: JerkTrajectory
+    value: float
+    history: tuple[float, ...]
 
 
 class Problem(eqx.Module):

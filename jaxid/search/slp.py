@@ -1,52 +1,178 @@
-"""The last fraction of a per cent: trust-region sequential linear programs on the exact limits.
+"""Trust-region sequential linear programs: the last fraction of a per cent, on the exact limits.
 
 Limits and via points are linear in the jerk, so only the objective is linearised. The iterates stay
 admissible, and only improvements are accepted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
+from scipy.optimize import linprog
 
 from jaxid._types import Scalar
 from jaxid.motion.inequalities import Inequalities, inequalities
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
+from jaxid.search.effort import SMOOTHINGS
 from jaxid.search.frozen_loop import axis_conditions, freeze
-from jaxid.search.linear_programs import Point, Vector, linear_step
 from jaxid.search.problem import Objective, Problem
 from jaxid.search.restoration import ROUNDING, restored, stepped_back
 
-# Of the objective, one after the other: without the first the programs stall on corners earlier
-# (0.1 % of the motor's J), and after the second the rounded J is within 0.02 % of the exact one.
-SMOOTHINGS = (0.0006, 0.0001)
 # half-widths that steps leave to the limits of an axis: for the tolerance of the solver, and for
 # what linearised conditions do not see
 _SPARE = 1e-6
+_NEAR = 0.03  # half-widths of a limit
+_CUTS = 8  # rounds of adding broken conditions
+_ROUNDED = 1e-9  # half-widths: what the solver leaves of a condition
+_SMALLEST_RADIUS = 1e-6
+
+Vector = Float[np.ndarray, " n"]
+Mask = Bool[np.ndarray, " rows"]
+State = TypeVar("State")
 
 
-def polish(
+class Point(NamedTuple):
+    """A motion, as a search by linear programs sees it.
+
+    Attributes:
+        jerk: in the unit of the conditions.
+        value: of the objective.
+        slope: of the objective, over `jerk`.
+    """
+
+    jerk: Vector
+    value: float
+    slope: Vector
+
+
+class TrustRegion(NamedTuple):
+    """How a sequential linear program moves.
+
+    Attributes:
+        radius: of the first region, in the unit of the numbers that are moved.
+        least: a promised decrease of the objective that is not worth a step.
+        steps: linear programs at most.
+    """
+
+    radius: float
+    least: float
+    steps: int
+
+
+def improvements(
+    evaluate: Callable[[Vector, State], tuple[Point, State]],
+    conditions: Callable[[State], Inequalities],
+    start: tuple[Point, State],
+    region: TrustRegion,
+) -> Iterator[State]:
+    """Every accepted iterate of a sequential linear program, from the first step on.
+
+    Args:
+        evaluate: numbers and the state that they are a step from: the point, and its own state.
+        conditions: linear ones, around a state.
+        start: a point and its state.
+        region: its first radius and when to stop.
+    """
+    at, best = start
+    around, radius = conditions(best), region.radius
+    for _ in range(region.steps):
+        move = linear_step(around, at, radius)
+        promised = -float(at.slope @ move)
+        if promised < region.least or radius < _SMALLEST_RADIUS:
+            return
+        trial, found = evaluate(at.jerk + move, best)
+        kept = (at.value - trial.value) / promised
+        radius *= 2.0 if kept > 0.75 else 0.4 if kept < 0.25 else 1.0
+        if trial.value < at.value:
+            at, best = trial, found
+            yield best
+            around = conditions(best)
+
+
+def linear_step(c: Inequalities, at: Point, radius: float) -> Vector:
+    """The best move within the trust region and all conditions; zero if none is found.
+
+    Args:
+        c: the conditions.
+        at: where the motion is; it may break conditions, if the region reaches where they hold.
+            With a slope that is no number there is no move.
+        radius: of the trust region, in the unit of the jerk.
+
+    Conditions that the motion is near to are imposed, then those that the move turns out to break:
+    with all of them from the beginning the programs take three times longer.
+    """
+    if not np.all(np.isfinite(at.slope)):
+        return np.zeros_like(at.jerk)
+    here = c.rows @ at.jerk
+    up = ~c.fixed & (here > c.upper - _NEAR)
+    down = ~c.fixed & (here < c.lower + _NEAR)
+    move = np.zeros_like(at.jerk)
+    for _ in range(_CUTS):
+        move = _solve(c, at, here, up, down, radius)
+        there = here + c.rows @ move
+        above, below = (there > c.upper + _ROUNDED) & ~up, (there < c.lower - _ROUNDED) & ~down
+        above, below = above & ~c.fixed, below & ~c.fixed
+        if not (above.any() or below.any()):
+            break
+        up, down = up | above, down | below
+    # the solver meets the end conditions to 1e-7, which would add up from step to step
+    ends = c.rows[c.fixed]
+    return move - np.linalg.pinv(ends) @ (ends @ move)
+
+
+def _solve(
+    c: Inequalities,
+    at: Point,
+    here: Float[np.ndarray, " rows"],
+    up: Mask,
+    down: Mask,
+    radius: float,
+) -> Vector:
+    low, high = c.jerk / c.unit
+    room = np.concatenate([c.upper[up] - here[up], here[down] - c.lower[down]])
+    # what rounding left 1e-17 outside a limit must not make the program infeasible
+    room[(room < 0) & (room > -_ROUNDED)] = 0.0
+    solution = linprog(
+        at.slope,
+        A_ub=np.vstack([c.rows[up], -c.rows[down]]),
+        b_ub=room,
+        A_eq=c.rows[c.fixed],
+        b_eq=np.zeros(int(np.sum(c.fixed))),
+        bounds=list(
+            zip(
+                np.minimum(np.maximum(low - at.jerk, -radius), 0.0),
+                np.maximum(np.minimum(high - at.jerk, radius), 0.0),
+                strict=True,
+            )
+        ),
+        method="highs",
+    )
+    return np.zeros_like(at.jerk) if solution.x is None else solution.x
+
+
+def refined(
     problem: Problem,
     inside: JerkTrajectory,
     start: JerkTrajectory,
-    steps: int,
+    programs: int,
     smoothings: Sequence[float] = SMOOTHINGS,
 ) -> JerkTrajectory:
-    """Improve an admissible motion by at most `steps` linear programs per smoothing.
+    """Improve an admissible motion by so many linear programs per smoothing at most.
 
     Args:
         problem: its objective smoothed, its limits kept exactly.
         inside: a strictly admissible motion of the same length, to walk back from.
         start: an admissible motion; padding (intervals of no duration) is left alone.
-        steps: the most linear programs to solve per smoothing.
+        programs: linear programs per smoothing, at most.
         smoothings: of the objective, one after the other.
     """
     found = start
     for smoothing in smoothings:
-        found = _descend(problem, inside, found, smoothing, steps)
+        found = _descend(problem, inside, found, smoothing, programs)
         if problem.axis is None:
             found = restored(problem, inside, found)
     return found
@@ -58,7 +184,7 @@ def _descend(
     planned = _planned(problem, start)
     active = planned.rows.shape[1]
 
-    def evaluate(x: Vector) -> tuple[Point, JerkTrajectory]:
+    def evaluate(x: Vector, before: JerkTrajectory) -> tuple[Point, JerkTrajectory]:
         found = _with_jerk(start, start.jerk.at[:active].set(x * planned.unit))
         if problem.axis is not None:
             found = stepped_back(problem, inside, found)
@@ -66,21 +192,10 @@ def _descend(
 
     # the motion itself is kept beside its numbers: with an encoder the axis does something else for
     # a jerk that differs in its last bit
-    at, best = _point(problem.objective, start, smoothing, planned), start
-    conditions = _around(problem, planned, best)
-    radius = 0.01
-    for _ in range(steps):
-        move = linear_step(conditions, at, radius)
-        promised = -float(at.slope @ move)
-        if promised < 1e-8 or radius < 1e-6:
-            break
-        trial, found = evaluate(at.jerk + move)
-        kept = (at.value - trial.value) / promised
-        radius *= 2.0 if kept > 0.75 else 0.4 if kept < 0.25 else 1.0
-        if trial.value < at.value:
-            at, best = trial, found
-            conditions = _around(problem, planned, best)
-    return best
+    first = _point(problem.objective, start, smoothing, planned), start
+    region = TrustRegion(0.01, 1e-8, steps)
+    better = improvements(evaluate, lambda at: _around(problem, planned, at), first, region)
+    return [start, *better][-1]
 
 
 def repaired(problem: Problem, inside: JerkTrajectory, start: JerkTrajectory) -> JerkTrajectory:

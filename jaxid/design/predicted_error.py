@@ -14,19 +14,22 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
-from jaxid._checks import is_concrete, require
-from jaxid._types import Scalar
+from jaxid._checks import is_concrete, require, require_at_least_zero
+from jaxid._types import Scalar, as_interval
+from jaxid.design.criteria import Criterion, LeastSquaresError
 from jaxid.design.nominal_log import NominalLog, nominal_log, nominal_log_model
 from jaxid.identification.intervals import guaranteed_intervals, narrowed
 from jaxid.identification.modulating_functions import optimal
 from jaxid.identification.regression_rows import RegressionRows, hats
 from jaxid.identification.state_bounds import StateBounds, state_bounds
+from jaxid.loop.controllers import Controller
 from jaxid.loop.servo import Servo
 from jaxid.model.disturbance_bound import NearbyVelocityBound
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.system import System, smoothed
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
-from jaxid.regression.worst_case import affine_worst_case_error, bias
+from jaxid.regression.worst_case import affine_worst_case_error, bias, infinity
 
 # of the largest relative error, in units of smoothing: were it as sharp as the jumps of δ, a polish
 # would stall where two parameters tie
@@ -131,30 +134,52 @@ def require_targets(system: System, targets: Float[Array, "..."]) -> None:
     )
 
 
-def expected_error(
-    system: System,
-    targets: Float[Array, " m"],
-    trajectory: JerkTrajectory,
-    servo: Servo,
-    speed: Scalar,
-    *,
-    largest: bool = True,
-) -> GuaranteedError:
-    """The guaranteed error of motions near to one, whose log says how well the axis will be known.
+class PredictedError(Criterion):
+    """The largest predicted guaranteed error, each relative to its own target.
 
-    Args:
+    Predicted is the error bound that the log of the motion guarantees on an undisturbed axis in the
+    middle of its prior box, servo, encoder and prior box included. The log itself then decides
+    what is guaranteed.
+
+    Attributes:
         system: with the prior box.
-        targets: of the m parameters, in their units; inf leaves one out.
-        trajectory: the motion.
-        servo: what runs it.
-        speed: m/s or rad/s, over which jumps are spread at smoothing 1.
-        largest: of the relative errors; or else their sum.
+        targets: what the error of each parameter is compared with, shape (m,), in their units; inf
+            leaves one out.
+        servo: sample period and resolution of the log.
+        controller: whose closed loop is expected; None for an axis that follows exactly.
+        velocity_error: of the axis, m/s or rad/s, that is allowed for where δ jumps with the speed.
+        largest: whether the largest of the relative errors counts; or else their sum, so that
+            1/targets are weights.
     """
-    narrow = narrowed(
-        system, guaranteed_intervals(system, [nominal_log(system, trajectory, servo)]).estimate
-    )
-    if servo.velocity_error:
-        cautious = NearbyVelocityBound(system.disturbance_bound, servo.velocity_error)
-        narrow = narrow.with_disturbance_bound(cautious)
-    nominal = nominal_log_model(system, trajectory, servo)
-    return GuaranteedError(system, narrow, nominal, targets, speed, largest)
+
+    system: System
+    targets: Float[Array, " m"] = eqx.field(converter=as_interval)
+    servo: Servo
+    controller: Controller | None = None
+    velocity_error: float = 0.0
+    largest: bool = eqx.field(static=True, default=True)
+
+    def __check_init__(self) -> None:
+        require_targets(self.system, self.targets)
+        require_at_least_zero("velocity_error", "a predicted error", self.velocity_error)
+
+    @property
+    def start(self) -> LeastSquaresError:
+        """The criterion whose optimal motions are good starts: least squares, same targets."""
+        return LeastSquaresError(self.system, infinity(self.targets))
+
+    def near(self, task: Task, motion: JerkTrajectory) -> GuaranteedError:
+        """The error as a function of motions near to this one.
+
+        Its log says how well the axis will be known, so that brackets of other logs are as tight.
+        """
+        system, servo = self.system, self.servo
+        log = nominal_log(system, motion, servo, self.controller)
+        narrow = narrowed(system, guaranteed_intervals(system, [log]).estimate)
+        if self.velocity_error:
+            narrow = narrow.with_disturbance_bound(
+                NearbyVelocityBound(system.disturbance_bound, self.velocity_error)
+            )
+        model = nominal_log_model(system, motion, servo, self.controller)
+        speed = abs(task.limits.velocity).max()
+        return GuaranteedError(system, narrow, model, self.targets, speed, self.largest)
