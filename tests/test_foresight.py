@@ -100,7 +100,6 @@ def test_its_slope_is_that_of_finite_differences(motion, controller, key):
         ({"resolution": -1.0}, "`resolution` of a servo must be at least zero"),
         ({"resolution": float("nan")}, "`resolution` of a servo must be at least zero"),
         ({"delay": -1}, "`delay` of a servo must be at least zero"),
-        ({"delay": 0.5}, "`delay` of a servo must be a whole number of periods"),
         ({"jitter": -1e-6}, "`jitter` of a servo must be at least zero"),
         ({"jitter": 1.1e-4}, "`jitter` of a servo must be 0.1 of its period at most"),
     ],
@@ -127,7 +126,8 @@ def test_a_log_is_what_the_servo_reads_of_a_run(motion):
     np.testing.assert_array_equal(log.input, signals.input)
     read = np.asarray(signals.position)[::2]
     assert np.max(np.abs(log.position - read)) <= 0.5e-5 * (1 + 1e-9)
-    np.testing.assert_allclose(np.asarray(log.position) / 1e-5 % 1.0 % 1.0, 0.0, atol=1e-6)
+    counts = np.asarray(log.position) / 1e-5
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
     assert (float(log.resolution), float(log.jitter)) == (1e-5, 1e-5)
     np.testing.assert_array_equal(exact.log(signals).position, read)
     # a command acts one period later: until then the axis is held by the first one
