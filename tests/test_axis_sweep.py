@@ -13,14 +13,13 @@ from jaxid.axis.design import played
 from jaxid.axis.file import example, read_axis
 from jaxid.io.files import read_dataset, read_trajectory
 from jaxid.loop.closed_loop import ClosedLoop
-from jaxid.loop.controllers import ARC, Delayed, OpenLoop, PDFeedforward
+from jaxid.loop.controllers import ARC, Delayed, PDFeedforward, undelayed
 from jaxid.loop.disturbances import NoDisturbance
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Plant
 from jaxid.motion.trajectory import ticks
 from jaxid.regression.estimate import least_squares_estimate
 from jaxid.regression.filters import filtered
-from jaxid.sweep.grid import law
 from tests.processes import finish, start
 
 PROGRAM = "import sys; from jaxid.axis.cli import main; main(sys.argv[1:])"
@@ -75,13 +74,11 @@ def test_a_folder_of_designs_is_swept(folder):
 def test_gains_are_scaled_whatever_the_law(folder):
     axis = read_axis(folder / "arm.toml")
     twice = axis_sweep.scaled(Delayed(axis.controller, 3), 2.0)
-    assert (twice.periods, float(law(twice).kp), float(law(twice).kd)) == (3, 16.0, 1.0)
+    assert (twice.periods, float(undelayed(twice).kp), float(undelayed(twice).kd)) == (3, 16.0, 1.0)
     arc = ARC(axis.system, 10.0, 2.0, 0.1, jnp.zeros(5))
     half = axis_sweep.scaled(arc, 0.5)
     assert (float(half.k1), float(half.k2), float(half.epsilon)) == (5.0, 1.0, 0.1)
-    assert isinstance(law(axis.controller), PDFeedforward)
-    with pytest.raises(ValueError, match="must be ARC or PDFeedforward"):
-        law(OpenLoop(jnp.zeros(3)))
+    assert isinstance(undelayed(axis.controller), PDFeedforward)
 
 
 def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):

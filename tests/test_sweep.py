@@ -13,13 +13,14 @@ from processes import finish, free_port, start
 from experiments.axes import linear_motor as motor
 from jaxid.io.files import read_dataset, read_trajectory, write_dataset
 from jaxid.loop.closed_loop import run
-from jaxid.loop.disturbances import AgainstTracking
-from jaxid.loop.sensors import Encoder
+from jaxid.loop.controllers import Controller, PDFeedforward
+from jaxid.loop.disturbances import AgainstTracking, RandomForce
+from jaxid.loop.scenarios import mixed
 from jaxid.loop.simulate import Plant
 from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.runtime import connect
 from jaxid.sweep.dataset import Labels, labelled
-from jaxid.sweep.grid import Swept, Truth, grid, item
+from jaxid.sweep.grid import Swept, grid, item
 
 LIGHT = (0.08, 0.0, 0.0, -0.5)
 BANDWIDTHS = (100.0, 1000.0)
@@ -60,12 +61,16 @@ def small(figures):
     stiff = eqx.tree_at(lambda arc: arc.epsilon, chosen, jnp.asarray(1e-4))
     return grid(
         motor.system(),
-        Encoder(motor.ENCODER_RESOLUTION),
-        motor.plant().disturbance,
+        motor.servo().sensor,
         Swept(
             [read_trajectory(figures / f"trajectory_M_N{n}.csv") for n in (30, 40)],
             [chosen, stiff],
-            [Truth(motor.TRUE_PARAMETERS, own=1.0), Truth(LIGHT, against=1.0)],
+            mixed(
+                motor.system(),
+                jnp.array([motor.TRUE_PARAMETERS, LIGHT]),
+                (motor.plant().disturbance, AgainstTracking()),
+                jnp.eye(2),
+            ),
             BANDWIDTHS,
         ),
         motor.CONTROL_PERIOD,
@@ -124,9 +129,9 @@ def test_a_loop_that_diverges_has_no_bound(small, items):
 
 def test_random_forces_are_of_the_seed_and_the_item(small, items, quick_compilation):
     """In two scenarios that nothing else tells apart."""
-    one = Truth(motor.TRUE_PARAMETERS, random=1.0)
-    two = jax.tree.map(lambda leaf: jnp.asarray(np.stack([leaf, leaf])), one)
-    alike = eqx.tree_at(lambda g: g.truths, small, two)
+    theta = jnp.array([motor.TRUE_PARAMETERS, motor.TRUE_PARAMETERS])
+    two = mixed(motor.system(), theta, [RandomForce()], jnp.ones((2, 1)))
+    alike = eqx.tree_at(lambda g: g.scenarios, small, two)
     first, again, other = (
         evaluate(eqx.tree_at(lambda g: g.seed, alike, jnp.asarray(seed)))["error"][:2].tolist()
         for seed in (0, 0, 1)
@@ -139,7 +144,8 @@ def test_random_forces_are_of_the_seed_and_the_item(small, items, quick_compilat
 
 def test_a_data_set_comes_back_with_its_names_and_units(small, items, tmp_path):
     path = tmp_path / "sweep.nc"
-    labels = Labels([("M", 30), ("M", 40)], (20, 30, 40), ("chosen", "stiff"), ("true", "light"))
+    names = ("chosen", "stiff"), ("true", "light"), {"own": ("share of its own", (1.0, 0.0))}
+    labels = Labels([("M", 30), ("M", 40)], (20, 30, 40), *names)
     dataset = labelled(small, labels, items, {"command": "none", "seed": 0})
     write_dataset(path, dataset)
     before = path.read_bytes()
@@ -153,6 +159,7 @@ def test_a_data_set_comes_back_with_its_names_and_units(small, items, tmp_path):
     units = {"tracking_error": "m", "highest_velocity": "m/s", "lowest_input": "V"}
     units |= {"bandwidth": "rad/s", "k1": "1/s", "k2": "V s/m", "outside": "1"}
     assert {name: again[name].attrs["units"] for name in units} == units
+    assert again.own.values.tolist() == [1.0, 0.0]
     assert again.unit.values.tolist() == ["V s²/m", "V s/m", "V", "V"]
     cell = {"horizon": 40, "gains": "chosen", "scenario": "light", "bandwidth": 1000.0}
     assert again.bound.sel(cell).sel(design="M", parameter="B") == items["bound"][5, 1, 1]
@@ -162,10 +169,53 @@ def test_a_data_set_comes_back_with_its_names_and_units(small, items, tmp_path):
     assert (again.outside.sel(horizon=40, gains="stiff") == 1).all()
 
 
-def test_options_that_make_no_sense_are_refused(small):
+def test_options_that_make_no_sense_are_refused(small, figures):
     with pytest.raises(ValueError, match="`devices` must be at least 1, but is 0"):
         connect(0)
     with pytest.raises(ValueError, match="given together"):
         connect(1, coordinator="127.0.0.1:1")
     with pytest.raises(ValueError, match="`motions` must have at least one entry"):
-        grid(small.system, small.sensor, small.own, Swept([], [], [], []), 1.0)
+        grid(small.system, small.sensor, Swept([], [], small.scenarios, []), 1.0)
+    controllers = [motor.controller(), PDFeedforward(small.system, small.system.centre, 1.0, 1.0)]
+    motion = read_trajectory(figures / "trajectory_M_N30.csv")
+    with pytest.raises(ValueError, match=r"must be of one class .* there are 2 kinds"):
+        grid(
+            small.system,
+            small.sensor,
+            Swept([motion], controllers, small.scenarios, BANDWIDTHS),
+            motor.CONTROL_PERIOD,
+        )
+
+
+class Bang(Controller):
+    """A user's own law, of which nothing is known: on or off, by the sign of the error."""
+
+    level: jax.Array
+
+    def initial(self):
+        return ()
+
+    def step(self, state, reference, measured, period):
+        return -self.level * jnp.sign(measured.position - reference.position), ()
+
+
+def test_a_controller_of_ones_own_is_swept(small, figures, quick_compilation):
+    """With the adversary that pushes against the velocity, and no gains in the data set."""
+    swept = grid(
+        small.system,
+        small.sensor,
+        Swept(
+            [read_trajectory(figures / "trajectory_M_N30.csv")],
+            [Bang(jnp.asarray(5.0)), Bang(jnp.asarray(8.0))],
+            small.scenarios,
+            BANDWIDTHS,
+        ),
+        motor.CONTROL_PERIOD,
+    )
+    values = {name: np.asarray(x) for name, x in evaluate(swept).items()}
+    names = ("5 V", "8 V"), ("true", "light")
+    found = labelled(swept, Labels([("M", 30)], (30,), *names), values, {})
+    highest = found.highest_input.sel(design="M", horizon=30)
+    np.testing.assert_array_equal(highest.sel(gains="5 V"), 5.0)
+    np.testing.assert_array_equal(highest.sel(gains="8 V"), 8.0)
+    assert "k1" not in found.coords

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import tyro
 import xarray as xr
+from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from experiments._support import heat_maps
@@ -19,11 +21,12 @@ from experiments.paper.designs import STUDIED, Cell, trajectory_path
 from experiments.paper.runs import BANDWIDTHS, PERIODS
 from jaxid.io.files import read_dataset, read_trajectory, write_dataset
 from jaxid.loop.controllers import ARC
-from jaxid.loop.sensors import Encoder
+from jaxid.loop.disturbances import AgainstTracking, RandomForce
+from jaxid.loop.scenarios import mixed
 from jaxid.runtime import configure, connect, processors
 from jaxid.sweep import blocks
 from jaxid.sweep.dataset import Labels, labelled
-from jaxid.sweep.grid import Grid, Swept, Truth, grid, item
+from jaxid.sweep.grid import Grid, Swept, grid, item
 
 COMMAND = "python -m experiments.beyond.sweep"
 
@@ -126,15 +129,16 @@ def study(options: Sweep) -> tuple[Grid, Labels]:
     motions = {cell: read_trajectory(path) for cell, path in paths.items() if path.exists()}
     few = slice(3 if options.toy else None)
     controllers = dict(list(gains().items())[few])
-    truths = dict(list(scenarios(options.seed).items())[few])
+    plants = dict(list(scenarios(options.seed).items())[few])
+    thetas, shares = (np.array(column) for column in zip(*plants.values(), strict=True))
+    parts = (RandomForce(), motor.plant().disturbance, AgainstTracking())
     swept = grid(
         motor.system(),
-        Encoder(motor.ENCODER_RESOLUTION),
-        motor.plant().disturbance,
+        motor.servo().sensor,
         Swept(
             list(motions.values()),
             list(controllers.values()),
-            list(truths.values()),
+            mixed(motor.system(), jnp.asarray(thetas), parts, jnp.asarray(shares)),
             BANDWIDTHS[few],
         ),
         motor.CONTROL_PERIOD,
@@ -143,7 +147,7 @@ def study(options: Sweep) -> tuple[Grid, Labels]:
     )
     names = [(cell.target, cell.horizon) for cell in motions]
     horizons = sorted({cell.horizon for cell in options.cells})
-    return swept, Labels(names, horizons, list(controllers), list(truths))
+    return swept, Labels(names, horizons, list(controllers), list(plants), labelled_shares(shares))
 
 
 def gains() -> dict[str, ARC]:
@@ -166,22 +170,33 @@ def gains() -> dict[str, ARC]:
     }
 
 
-def scenarios(seed: int) -> dict[str, Truth]:
-    """True parameters, and what disturbs the axis."""
+def labelled_shares(shares: np.ndarray) -> dict[str, tuple[str, list[float]]]:
+    """For the data set."""
+    kinds = {
+        "own": ("share of the axis's own disturbance", 1),
+        "random": ("share of δ drawn at random", 0),
+        "against": ("share of δ against tracking", 2),
+    }
+    return {name: (text, shares[:, k].tolist()) for name, (text, k) in kinds.items()}
+
+
+def scenarios(seed: int) -> dict[str, tuple[ArrayLike, ArrayLike]]:
+    """True parameters, and what share of each disturbance acts on the axis."""
     system = motor.system()
     shares = np.asarray(jax.random.uniform(jax.random.key(seed), (3, len(system.names))))
     lower, upper = np.asarray(system.lower), np.asarray(system.upper)
-    true = motor.TRUE_PARAMETERS
+    true, centre = motor.TRUE_PARAMETERS, np.asarray(system.centre)
+    random, own, against = np.eye(3).tolist()
     return {
-        "no Δ": Truth(true),
-        "cogging, friction": Truth(true, own=1.0),
-        "random Δ": Truth(true, random=1.0),
-        "adversary": Truth(true, against=1.0),
-        "centre of the box": Truth(system.centre, own=1.0),
-        "lowest θ, adversary": Truth(system.lower, against=1.0),
-        "highest θ, adversary": Truth(system.upper, against=1.0),
+        "no Δ": (true, (0.0, 0.0, 0.0)),
+        "cogging, friction": (true, own),
+        "random Δ": (true, random),
+        "adversary": (true, against),
+        "centre of the box": (centre, own),
+        "lowest θ, adversary": (lower, against),
+        "highest θ, adversary": (upper, against),
         **{
-            f"random θ and Δ, {k}": Truth(lower + share * (upper - lower), random=1.0)
+            f"random θ and Δ, {k}": (lower + share * (upper - lower), random)
             for k, share in enumerate(shares, 1)
         },
     }

@@ -13,19 +13,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.axis.design import designs_in, played, read_design
 from jaxid.axis.file import Axis
 from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_dataset
-from jaxid.loop.controllers import ARC, Controller
-from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.controllers import ARC, Controller, undelayed
+from jaxid.loop.disturbances import AgainstTracking, RandomForce
+from jaxid.loop.scenarios import mixed
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.runtime import processors
 from jaxid.sweep import blocks
 from jaxid.sweep.dataset import Labels, labelled, names
-from jaxid.sweep.grid import Grid, Swept, Truth, grid, item, law
+from jaxid.sweep.grid import Grid, Swept, grid, item
 
 FILES = ("sweep.nc", "sweep_bound.png", "sweep_tracking.png")
 BANDWIDTHS = (30.0, 100.0, 300.0, 1000.0, 3000.0)  # rad/s
@@ -94,15 +96,15 @@ def study(
         f"Argument `factors` must be above zero and differ, but they are {list(factors)}.",
     )
     require(plants >= 0, f"Argument `plants` must be 0 or more, but is {plants}.")
-    truths = scenarios(axis, plants, seed)
+    known = scenarios(axis, plants, seed)
+    thetas, shares = (jnp.asarray(np.array(x)) for x in zip(*known.values(), strict=True))
     swept = grid(
         axis.system,
         axis.servo.sensor,
-        NoDisturbance(),
         Swept(
             [played(axis, motion) for motion in motions.values()],
             [scaled(axis.servo.delayed(axis.tracking_controller), factor) for factor in factors],
-            list(truths.values()),
+            mixed(axis.system, thetas, (RandomForce(), AgainstTracking()), shares),
             bandwidths,
         ),
         axis.servo.period,
@@ -110,7 +112,7 @@ def study(
     )
     horizons = sorted({duration for _, duration in motions})
     about = "duration of the motion without its approach", "s"
-    return swept, Labels(list(motions), horizons, gains, list(truths), about)
+    return swept, Labels(list(motions), horizons, gains, list(known), _labelled(shares), about)
 
 
 def motions_in(folder: Path, coordinate: str) -> dict[tuple[str, float], JerkTrajectory]:
@@ -123,18 +125,25 @@ def motions_in(folder: Path, coordinate: str) -> dict[tuple[str, float], JerkTra
     return found
 
 
-def scenarios(axis: Axis, plants: int, seed: int) -> dict[str, Truth]:
-    """True parameters, and what disturbs the axis."""
+def _labelled(shares: Float[Array, "k 2"]) -> dict[str, tuple[str, list[float]]]:
+    texts = {"random": "share of δ drawn at random", "against": "share of δ against tracking"}
+    return {name: (text, shares[:, k].tolist()) for k, (name, text) in enumerate(texts.items())}
+
+
+def scenarios(
+    axis: Axis, plants: int, seed: int
+) -> dict[str, tuple[np.ndarray, tuple[float, float]]]:
+    """True parameters, and the shares of a random force and of an adversary."""
     system = axis.system
     shares = np.asarray(jax.random.uniform(jax.random.key(seed), (plants, len(system.names))))
     lower, upper = np.asarray(system.lower), np.asarray(system.upper)
     return {
-        "middle of the box, no Δ": Truth(system.centre),
-        "middle, adversary": Truth(system.centre, against=1.0),
-        "lowest θ, adversary": Truth(system.lower, against=1.0),
-        "highest θ, adversary": Truth(system.upper, against=1.0),
+        "middle of the box, no Δ": (np.asarray(system.centre), (0.0, 0.0)),
+        "middle, adversary": (np.asarray(system.centre), (0.0, 1.0)),
+        "lowest θ, adversary": (lower, (0.0, 1.0)),
+        "highest θ, adversary": (upper, (0.0, 1.0)),
         **{
-            f"random θ and Δ, {k}": Truth(jnp.asarray(lower + s * (upper - lower)), random=1.0)
+            f"random θ and Δ, {k}": (lower + s * (upper - lower), (1.0, 0.0))
             for k, s in enumerate(shares, 1)
         },
     }
@@ -142,9 +151,9 @@ def scenarios(axis: Axis, plants: int, seed: int) -> dict[str, Truth]:
 
 def scaled(controller: Controller, factor: float) -> Controller:
     """With its feedback gains times a factor."""
-    names = ("k1", "k2") if isinstance(law(controller), ARC) else ("kp", "kd")
+    names = ("k1", "k2") if isinstance(undelayed(controller), ARC) else ("kp", "kd")
     return eqx.tree_at(
-        lambda c: [getattr(law(c), name) for name in names],
+        lambda c: [getattr(undelayed(c), name) for name in names],
         controller,
         replace_fn=lambda gain: factor * gain,
     )

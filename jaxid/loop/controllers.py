@@ -21,6 +21,14 @@ from jaxid.motion.trajectory import States
 class Controller(eqx.Module):
     """A sampled feedback law."""
 
+    @property
+    def k1_of_p(self) -> Scalar:
+        """k₁ of the combined error p = ė + k₁e that an adversary pushes away from zero, 1/s.
+
+        Zero unless a controller says otherwise: then the adversary pushes against the velocity.
+        """
+        return jnp.zeros(())
+
     @abc.abstractmethod
     def initial(self) -> Any:
         """The state before the first tick."""
@@ -77,6 +85,10 @@ class ARC(Controller):
                 "Argument `gamma` must have no negative entry, but is "
                 f"{jnp.asarray(self.gamma).tolist()}.",
             )
+
+    @property
+    def k1_of_p(self) -> Scalar:
+        return self.k1
 
     def initial(self) -> tuple[Scalar, ...]:
         """θ̂ at the centre of Ω_θ."""
@@ -148,6 +160,10 @@ class PDFeedforward(Controller):
     kp: Scalar = eqx.field(converter=jnp.asarray)
     kd: Scalar = eqx.field(converter=jnp.asarray)
 
+    @property
+    def k1_of_p(self) -> Scalar:
+        return self.kp / self.kd
+
     def initial(self) -> tuple[()]:
         return ()
 
@@ -189,6 +205,10 @@ class Delayed(Controller):
     controller: Controller
     periods: int = eqx.field(static=True)
 
+    @property
+    def k1_of_p(self) -> Scalar:
+        return self.controller.k1_of_p
+
     def initial(self) -> tuple[Any, Float[Array, " periods"], Bool[Array, ""]]:
         return self.controller.initial(), jnp.zeros(self.periods), jnp.zeros((), bool)
 
@@ -204,3 +224,8 @@ class Delayed(Controller):
         u, inner = self.controller.step(inner, reference, measured, period)
         waiting = jnp.where(begun, waiting, u)
         return waiting[0], (inner, jnp.append(waiting[1:], u), jnp.ones((), bool))
+
+
+def undelayed(controller: Controller) -> Controller:
+    """The controller that commands, whenever its commands act."""
+    return controller.controller if isinstance(controller, Delayed) else controller

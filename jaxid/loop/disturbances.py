@@ -27,6 +27,16 @@ class Disturbance(eqx.Module):
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         """Δ where the bound is `delta`."""
 
+    def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> "Disturbance":
+        """What disturbs one run: the same for every run unless it is random or knows the loop.
+
+        Args:
+            key: of this run.
+            ticks: of the run.
+            k1: of the controller, see `Controller.k1_of_p`.
+        """
+        return self
+
 
 class NoDisturbance(Disturbance):
     """Δ = 0."""
@@ -75,6 +85,11 @@ class Mixture(Disturbance):
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         return dot([part(moment, position, velocity, delta) for part in self.parts], self.shares)
 
+    def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> "Mixture":
+        keys = [key, *(jax.random.fold_in(key, j) for j in range(1, len(self.parts)))]
+        parts = tuple(part.drawn(k, ticks, k1) for part, k in zip(self.parts, keys, strict=True))
+        return Mixture(parts, self.shares)
+
 
 class Sequence(Disturbance):
     """A share of δ, held over each tick: random, constant, a square wave, or −sign of any weights.
@@ -90,12 +105,35 @@ class Sequence(Disturbance):
 
 
 class AgainstTracking(Disturbance):
-    """The adversary of Theorem 4: always pushes p = ė + k₁e away from zero."""
+    """The adversary of Theorem 4: always pushes p = ė + k₁e away from zero.
 
-    k1: Scalar = eqx.field(converter=jnp.asarray)
+    Attributes:
+        k1: 1/s; None, the default, for that of the controller, which `drawn` takes.
+    """
+
+    k1: Scalar | None = eqx.field(
+        converter=lambda k1: None if k1 is None else jnp.asarray(k1), default=None
+    )
+
+    def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> "AgainstTracking":
+        return AgainstTracking(k1) if self.k1 is None else self
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
+        if self.k1 is None:
+            raise ValueError("Argument `k1` of AgainstTracking must be given, or drawn for a run.")
         return -delta * jnp.sign(moment.error_rate + self.k1 * moment.error)
+
+
+class RandomForce(Disturbance):
+    """An independent uniform share of ±δ at every tick, drawn anew for each run by `drawn`."""
+
+    def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
+        raise ValueError(
+            "A RandomForce must be drawn for a run: call its method `drawn` with a key."
+        )
+
+    def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> Sequence:
+        return random_shares(key, ticks)
 
 
 class Until(Disturbance):

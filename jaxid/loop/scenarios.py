@@ -54,12 +54,18 @@ def every(
 ) -> Scenarios:
     """Each of p parameters with each of d disturbances."""
     p, d = thetas.shape[0], len(disturbances)
-    shares = jnp.tile(jnp.eye(d), (p, 1))
-    return Scenarios(
-        system,
-        jnp.repeat(thetas, d, axis=0),
-        jax.vmap(Mixture)(_copies(disturbances, p * d), shares),
-    )
+    return mixed(system, jnp.repeat(thetas, d, axis=0), disturbances, jnp.tile(jnp.eye(d), (p, 1)))
+
+
+def mixed(
+    system: System,
+    thetas: Float[Array, "k m"],
+    parts: Sequence[Disturbance],
+    shares: Float[Array, "k parts"],
+) -> Scenarios:
+    """K plants, each disturbed by its own shares of the same parts."""
+    disturbances = jax.vmap(Mixture)(_copies(parts, thetas.shape[0]), shares)
+    return Scenarios(system, thetas, disturbances)
 
 
 def vertices(system: System) -> Float[Array, "corners m"]:

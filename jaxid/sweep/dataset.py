@@ -2,20 +2,20 @@
 
 import importlib.metadata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
 from jaxtyping import Shaped
 
 from jaxid.io.files import UNITS
-from jaxid.loop.controllers import ARC, PDFeedforward
-from jaxid.sweep.grid import Grid, law
+from jaxid.loop.controllers import ARC, PDFeedforward, undelayed
+from jaxid.sweep.grid import Grid
 
 LOOP = ("design", "horizon", "gains", "scenario")
 FILTERED = (*LOOP, "bandwidth", "parameter")
 
-# dimensions, what it is, and its unit, of the gains of every law
+# dimensions, what it is, and its unit, of the gains of the controllers that have names for them
 _GAINS: Mapping[type, Mapping[str, tuple[str | tuple[str, ...], str, str]]] = {
     ARC: {
         "k1": ("gains", "k₁ of (19)", "1/s"),
@@ -41,6 +41,7 @@ class Labels:
         horizons: of the axis; those without a motion are left empty.
         gains: one per controller.
         scenarios: one per scenario.
+        shares: by name, what part of the disturbances it is, and its share in each scenario.
         horizon: what the horizons are, and their unit.
     """
 
@@ -48,6 +49,7 @@ class Labels:
     horizons: Sequence[int | float]
     gains: Sequence[str]
     scenarios: Sequence[str]
+    shares: Mapping[str, tuple[str, Sequence[float]]] = field(default_factory=dict)
     horizon: tuple[str, str] = ("N_i, half the intervals of a motion", "1")
 
     @property
@@ -111,7 +113,7 @@ def _quantities(grid: Grid) -> dict[str, tuple[tuple[str, ...], dict[str, str]]]
 
 
 def _coordinates(grid: Grid, labels: Labels) -> dict[str, object]:
-    system, known, truths = grid.system, law(grid.controllers), grid.truths
+    system, known = grid.system, undelayed(grid.controllers)
     length, force = UNITS[system.coordinate], system.input_unit
 
     def numbers(dims: str | tuple[str, ...], values: object, text: str, unit: str) -> object:
@@ -130,14 +132,15 @@ def _coordinates(grid: Grid, labels: Labels) -> dict[str, object]:
         ),
         **{
             name: numbers(dims, getattr(known, name), text, unit.format(u=force, y=length))
-            for name, (dims, text, unit) in _GAINS[type(known)].items()
+            for name, (dims, text, unit) in _GAINS.get(type(known), {}).items()
         },
         "theta": numbers(
-            ("scenario", "parameter"), truths.theta, "true parameters", _PER_PARAMETER
+            ("scenario", "parameter"), grid.scenarios.theta, "true parameters", _PER_PARAMETER
         ),
-        "own": numbers("scenario", truths.own, "share of the axis's own disturbance", "1"),
-        "random": numbers("scenario", truths.random, "share of δ drawn at random", "1"),
-        "against": numbers("scenario", truths.against, "share of δ against tracking", "1"),
+        **{
+            name: numbers("scenario", shares, text, "1")
+            for name, (text, shares) in labels.shares.items()
+        },
     }
 
 

@@ -12,9 +12,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxid._checks import require
 from jaxid._types import Scalar
-from jaxid.loop.controllers import ARC, Controller, Delayed, PDFeedforward
-from jaxid.loop.disturbances import AgainstTracking, Disturbance, Mixture, random_shares
+from jaxid.loop.controllers import Controller
 from jaxid.loop.record import Record
+from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import Sensor
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.model.system import System
@@ -25,28 +25,12 @@ from jaxid.regression.filters import filtered
 Tree = TypeVar("Tree")
 
 
-class Truth(eqx.Module):
-    """What the axis truly is, and how much of each disturbance acts on it.
-
-    Attributes:
-        theta: true parameters, shape (m,).
-        own: share of the axis's own disturbance, e.g. cogging.
-        random: share of δ of a force that is drawn anew at every tick.
-        against: share of δ of the adversary that pushes away from the reference.
-    """
-
-    theta: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
-    own: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
-    random: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
-    against: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
-
-
 class Swept(NamedTuple):
     """What a sweep goes through, each with every other; as the attributes of `Grid`, one by one."""
 
     motions: Sequence[JerkTrajectory]
     controllers: Sequence[Controller]
-    truths: Sequence[Truth]
+    scenarios: Scenarios
     bandwidths: Sequence[float]
 
 
@@ -59,12 +43,10 @@ class Grid(eqx.Module):
     Attributes:
         system: the axis as its identification knows it.
         sensor: what the controllers see.
-        own: the disturbance that a truth may hold a share of; a function of the state.
         motions: stacked, padded to one number of intervals.
         ticks: of each motion, run once.
-        controllers: stacked, all of one kind.
-        rates: k₁ of each, the adversary pushing ė + k₁e away from zero, 1/s.
-        truths: stacked.
+        controllers: stacked, all of one class.
+        scenarios: the plants; random forces are drawn for each item.
         bandwidths: w of H_f, rad/s.
         period: of the controllers, s.
         seed: of the random disturbances.
@@ -74,12 +56,10 @@ class Grid(eqx.Module):
 
     system: System
     sensor: Sensor
-    own: Disturbance
     motions: JerkTrajectory
     ticks: Int[Array, " motions"]
     controllers: Controller
-    rates: Float[Array, " controllers"]
-    truths: Truth
+    scenarios: Scenarios
     bandwidths: Float[Array, " w"]
     period: Scalar
     seed: Int[Array, ""]
@@ -89,7 +69,8 @@ class Grid(eqx.Module):
     @property
     def shape(self) -> tuple[int, int, int]:
         """How many motions, controllers and scenarios."""
-        return self.ticks.size, self.rates.size, self.truths.own.size
+        controllers = jax.tree.leaves(self.controllers)[0].shape[0]
+        return self.ticks.size, controllers, self.scenarios.theta.shape[0]
 
     @property
     def count(self) -> int:
@@ -100,7 +81,6 @@ class Grid(eqx.Module):
 def grid(
     system: System,
     sensor: Sensor,
-    own: Disturbance,
     swept: Swept,
     period: float,
     *,
@@ -108,20 +88,29 @@ def grid(
     seed: int = 0,
 ) -> Grid:
     """Stack what is swept; the other arguments are the attributes of `Grid`."""
-    for name, values in swept._asdict().items():
-        require(len(values) > 0, f"Argument `{name}` must have at least one entry, but has none.")
-    motions, controllers, truths, bandwidths = swept
+    motions, controllers, scenarios, bandwidths = swept
+    for name, count in (
+        ("motions", len(motions)),
+        ("controllers", len(controllers)),
+        ("scenarios", scenarios.theta.shape[0]),
+        ("bandwidths", len(bandwidths)),
+    ):
+        require(count > 0, f"Argument `{name}` must have at least one entry, but has none.")
+    kinds = {jax.tree.structure(controller) for controller in controllers}
+    require(
+        len(kinds) == 1,
+        "Argument `controllers` must be of one class and alike but for their numbers, but there "
+        f"are {len(kinds)} kinds: sweep each kind by itself.",
+    )
     lengths = [ticks(motion, period) for motion in motions]
     intervals = max(motion.jerk.size for motion in motions)
     return Grid(
         system,
         sensor,
-        own,
         _stacked([padded(motion, intervals) for motion in motions]),
         jnp.asarray(lengths),
         _stacked(controllers),
-        jnp.stack([jnp.asarray(_rate(controller)) for controller in controllers]),
-        _stacked(truths),
+        scenarios,
         jnp.asarray(bandwidths, float),
         jnp.asarray(period, float),
         jnp.asarray(seed),
@@ -141,44 +130,21 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
         shape (w, m); `tracking_error`, the peak; `lowest_` and `highest_` `position`, `velocity`
         (true, at the ticks) and `input` (commanded).
     """
-    motion, gains, truth = jnp.unravel_index(index, grid.shape)
-    once, true = grid.ticks[motion], _entry(grid.truths, truth)
+    motion, gains, scenario = jnp.unravel_index(index, grid.shape)
+    once, scenarios = grid.ticks[motion], grid.scenarios
+    theta = scenarios.theta[scenario]
     running = jnp.arange(grid.size) < grid.repeats * once
     desired = padded_reference(
         _entry(grid.motions, motion), grid.period, once, grid.repeats, grid.size
     )
     controller = _entry(grid.controllers, gains)
-    noise = random_shares(jax.random.fold_in(jax.random.key(grid.seed), index), grid.size)
-    disturbance = Mixture(
-        (grid.own, noise, AgainstTracking(grid.rates[gains])),
-        jnp.stack([true.own, true.random, true.against]),
-    )
-    plant = Plant(grid.system, true.theta, disturbance)
+    key = jax.random.fold_in(jax.random.key(grid.seed), index)
+    disturbance = _entry(scenarios.disturbance, scenario).drawn(key, grid.size, controller.k1_of_p)
+    plant = Plant(grid.system, theta, disturbance)
     record, signals = simulate(plant, controller, grid.sensor, desired, grid.period)
     # all of the record: a loop that diverges after its motion would spoil 0·x of the measure
     record = jax.tree.map(lambda column: jnp.where(running, column, 0.0), record)
-    return _identified(grid, record, true.theta) | _extremes(signals, running)
-
-
-def law(controller: Controller) -> ARC | PDFeedforward:
-    """What commands, whenever its commands act.
-
-    Raises:
-        ValueError: if it has no gains that a sweep knows.
-    """
-    if isinstance(controller, Delayed):
-        controller = controller.controller
-    if not isinstance(controller, ARC | PDFeedforward):
-        raise ValueError(
-            "Argument `controllers` must be ARC or PDFeedforward, delayed or not, but one is "
-            f"{type(controller).__name__}."
-        )
-    return controller
-
-
-def _rate(controller: Controller) -> Scalar:
-    known = law(controller)
-    return known.k1 if isinstance(known, ARC) else known.kp / known.kd
+    return _identified(grid, record, theta) | _extremes(signals, running)
 
 
 def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[str, Array]:
