@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adversaries import worst_case
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
@@ -18,7 +19,6 @@ from jaxid.regression.worst_case import (
     least_squares,
     require_informative,
     smooth_worst_case_error,
-    worst_case_disturbance,
     worst_case_error,
 )
 
@@ -49,7 +49,7 @@ def test_theorem_2_the_adversary_attains_the_bound_and_no_other_sign_does(seed):
     weights = least_squares(rows)
     bound = worst_case_error(weights, rows.delta)
     for i, g in enumerate(weights):
-        worst = worst_case_disturbance(g, rows.delta)
+        worst = worst_case(g, rows.delta)
         assert jnp.all(jnp.abs(worst) <= rows.delta)
         attained = float(g @ worst)
         assert abs(attained - bound[i]) <= 1e-12 * bound[i]

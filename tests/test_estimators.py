@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adversaries import worst_case
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,7 +22,6 @@ from jaxid.regression.worst_case import (
     affine_worst_case_error,
     bias,
     least_squares,
-    worst_case_disturbance,
     worst_case_error,
 )
 
@@ -139,8 +139,8 @@ def test_no_truth_is_outside_and_the_worst_one_is_at_the_end(estimator):
         assert np.all(np.abs(result.middle - theta) <= result.half_length * (1 + 1e-12))
         assert np.all(result.half_length <= result.guaranteed * (1 + 1e-12))
     for i in range(3):
-        theta = SYSTEM.centre - worst_case_disturbance(remainder[i], BOX)
-        error, bound, _ = missed(theta, worst_case_disturbance(weights[i], rows.delta))
+        theta = SYSTEM.centre - worst_case(remainder[i], BOX)
+        error, bound, _ = missed(theta, worst_case(weights[i], rows.delta))
         np.testing.assert_allclose(error[i], bound[i], rtol=1e-9)
 
 
@@ -189,11 +189,11 @@ def test_the_exact_error_of_filtered_data_is_below_that_of_the_paper(inner, band
     for i in range(3):
         worst = record_of(
             rows,
-            SYSTEM.centre - worst_case_disturbance(remainder[i], BOX),
-            worst_case_disturbance(weights[i], rows.delta),
+            SYSTEM.centre - worst_case(remainder[i], BOX),
+            worst_case(weights[i], rows.delta),
         )
         reached = estimate(filtered(worst, bandwidth, PERIOD), SYSTEM, inner(passed.rows, BOX))
-        theta = SYSTEM.centre - worst_case_disturbance(remainder[i], BOX)
+        theta = SYSTEM.centre - worst_case(remainder[i], BOX)
         np.testing.assert_allclose(jnp.abs(reached.theta - theta)[i], through.bound[i], rtol=1e-7)
 
 

@@ -7,13 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adversaries import exact_rows
 from scipy.optimize import OptimizeResult, linprog
 
 from experiments.axes import linear_motor as motor
 from jaxid.identification.falsification import MOST, smallest_factor
 from jaxid.identification.feasible_parameter_set import feasible_set, projection
 from jaxid.identification.intervals import guaranteed_intervals
-from jaxid.identification.regression_rows import exact_rows, guaranteed_estimate, hats
+from jaxid.identification.regression_rows import guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.identification.unidentifiable import unidentifiable_directions
 from jaxid.loop.closed_loop import run

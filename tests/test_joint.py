@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adversaries import exact_rows
 from conftest import uniform_in_box
 
 from experiments.axes import linear_motor as motor
@@ -15,7 +16,7 @@ from jaxid.identification.feasible_parameter_set import feasible_set
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.joined_rows import join_rows
 from jaxid.identification.modulating_functions import Program, pieces
-from jaxid.identification.regression_rows import boxes, exact_rows, guaranteed_estimate, hats
+from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run

@@ -13,7 +13,7 @@ from jaxid.model.disturbance_bound import ConstantBound, NearbyVelocityBound, Sc
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Constant, Viscous
 from jaxid.model.system import System, Term, smoothed
-from jaxid.motion.acceleration_limit import acceleration_limit, acceleration_limit_euclidean
+from jaxid.motion.acceleration_limit import acceleration_limit
 from jaxid.motion.limits import Limits, Via
 from jaxid.motion.task import Task
 
@@ -23,8 +23,9 @@ BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)
 
 def test_both_readings_of_18():
     assert acceleration_limit(motor.system(), **BOX)[1] == pytest.approx(400 / 9, rel=1e-14)
-    euclidean = acceleration_limit_euclidean(motor.system(), **BOX)
-    np.testing.assert_allclose(euclidean, [-1, 1] * np.array(43.77), atol=0.01)
+    # by Cauchy-Schwarz, as printed: max|f|₂·max|θ_φ|₂
+    load = np.hypot(2.0, np.sqrt(2)) * np.linalg.norm([0.5, 0.5, 0.5])
+    assert (10.0 - load) / 0.18 == pytest.approx(43.77, abs=0.01)
 
 
 def test_asymmetric_inputs_give_asymmetric_accelerations():

@@ -5,13 +5,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adversaries import square_wave
 
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import ClosedLoop, SampledPlants
 from jaxid.loop.controllers import ARC
-from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares, square_wave
+from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
 from jaxid.loop.scenarios import every, random_parameters, vertices
 from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.tube import Tube, _peak, parameter_cells

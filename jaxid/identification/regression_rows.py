@@ -187,12 +187,6 @@ def _channel(stencil: tuple[float, ...], bound: Array, count: int) -> Channel:
     return Channel(jnp.array(stencil), jnp.broadcast_to(bound, (count,)))
 
 
-def exact_rows(system: System, record: Record) -> RegressionRows:
-    """A Record without errors of a sensor, for what takes a log: every row for itself."""
-    return RegressionRows(system, record, {})
-
-
-@eqx.filter_jit
 def upper_ends(
     logged: RegressionRows,
     weights: Float[Array, "k n"],

@@ -128,12 +128,6 @@ class ARC(Controller):
         widths = self.system.upper - self.system.lower
         return jnp.where(self.gamma > 0, widths, widths / 2)
 
-    def energy_bound(self, times: Float[Array, " n"], initial_energy: Scalar) -> Float[Array, " n"]:
-        """The right-hand side of (27)."""
-        rate = 2 * self.k2 / self.system.upper[0]
-        fade = jnp.exp(-rate * times)
-        return fade * initial_energy + self.epsilon / rate * (1 - fade)
-
     def _adapt(
         self, theta: tuple[Scalar, ...], phi: tuple[Scalar, ...], p: Scalar, period: Scalar
     ) -> tuple[Scalar, ...]:

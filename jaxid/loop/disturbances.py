@@ -136,22 +136,6 @@ class RandomForce(Disturbance):
         return random_shares(key, ticks)
 
 
-class Until(Disturbance):
-    """Another disturbance that ends at a time t_N, s (Theorem 4 B)."""
-
-    disturbance: Disturbance
-    end: Scalar = eqx.field(converter=jnp.asarray)
-
-    def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
-        value = self.disturbance(moment, position, velocity, delta)
-        return jnp.where(moment.time < self.end, value, 0.0)
-
-
 def random_shares(key: PRNGKeyArray, ticks: int) -> Sequence:
     """An independent uniform share of ±δ at every tick."""
     return Sequence(jax.random.uniform(key, (ticks,), minval=-1.0, maxval=1.0))
-
-
-def square_wave(ticks: int, half_period: int) -> Sequence:
-    """+δ for `half_period` ticks, then −δ for as many, and so on."""
-    return Sequence(1.0 - 2.0 * ((jnp.arange(ticks) // half_period) % 2))

@@ -20,16 +20,6 @@ def acceleration_limit(system: System, position: Ends, velocity: Ends, input: En
     return _remaining(system, as_interval(input), jnp.sum(peaks))
 
 
-def acceleration_limit_euclidean(
-    system: System, position: Ends, velocity: Ends, input: Ends
-) -> Interval:
-    """(18) as printed: max|f|₂·max|θ_φ|₂ (Cauchy-Schwarz). For the motor 43.8 m/s²."""
-    regressor = jnp.linalg.norm(_peak_regressors(system, position, velocity))
-    return _remaining(
-        system, as_interval(input), regressor * jnp.linalg.norm(_peak_parameters(system)[1:])
-    )
-
-
 def acceleration_reach(system: System, position: Ends, velocity: Ends, input: Ends) -> Interval:
     """The accelerations that `input_demand` leaves at the state that needs the least for the rest.
 

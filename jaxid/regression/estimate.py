@@ -10,7 +10,7 @@ be estimated as the other.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxid.loop.record import Record
 from jaxid.model.system import System
@@ -50,11 +50,6 @@ class Estimate(eqx.Module):
     def guaranteed(self) -> Float[Array, " m"]:
         """The largest `half_length` that any data could have left: bound or box."""
         return jnp.minimum(self.bound, (self.prior_upper - self.prior_lower) / 2)
-
-    @property
-    def reduced(self) -> Bool[Array, " m"]:
-        """Whether the bound is below half the width of the prior box."""
-        return self.bound < (self.prior_upper - self.prior_lower) / 2
 
 
 def estimate(

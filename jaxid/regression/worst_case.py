@@ -60,8 +60,8 @@ def affine_worst_case_error(
 ) -> Float[Array, " k"]:
     """Max |GΔ − (C − GΦ)(θ − centre)| over all |Δ_k| ≤ δ_k and all θ in a box, biased or not.
 
-    Both terms are symmetric and independent, so it is the sum of their maxima. It is reached by
-    `worst_case_disturbance` of a row of weights and of minus its bias, in half-widths of the box.
+    Both terms are symmetric and independent, so it is the sum of their maxima, which δ·sign(G) and
+    the corner of the box at −sign(C − GΦ) reach.
     """
     return worst_case_error(weights, rows.delta) + worst_case_error(
         bias(weights, rows, norm), half_widths
@@ -82,13 +82,6 @@ def smooth_worst_case_error(
     square = weights**2 + corner * measure**2
     safe = jnp.where(square > 0, square, 1.0)
     return jnp.sum(jnp.where(square > 0, jnp.sqrt(safe), 0.0) * rows.delta[None, :], axis=1)
-
-
-def worst_case_disturbance(
-    weights: Float[Array, " n"], delta: Float[Array, " n"]
-) -> Float[Array, " n"]:
-    """The Δ within ±δ that attains the worst case of one row of weights (proof of Theorem 2)."""
-    return delta * jnp.sign(weights)
 
 
 class Norm(eqx.Module):
