@@ -55,6 +55,12 @@ def optimal_motion(
     Raises:
         InfeasibleError: if no motion of this duration keeps the limits, proved by a linear program.
         ValueError: if an argument cannot be, in a sentence that names it.
+
+    Example:
+        >>> effort = jd.Effort(newton_rounds=0, programs=2)  # hardly any: only an example
+        >>> better = jd.optimal_motion(task, criterion, motion, effort=effort)
+        >>> round(float(jnp.exp(better.value)), 2)  # kg; it was 1.25
+        1.12
     """
     require_float64("criterion", eqx.filter(criterion, eqx.is_array))
     require_float64("limits", task.limits)

@@ -13,6 +13,10 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
         system: with the prior box.
         logs: that were read, alone or together.
         delay: periods until a command acts, which the logs count already.
+
+    Example:
+        >>> jd.assumptions(slide, log)[1]
+        'Everything unmodelled is at all times at most δ: 6 N.'
     """
     length = "m" if system.coordinate == "linear" else "rad"
     box = ", ".join(

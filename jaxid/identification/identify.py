@@ -87,6 +87,17 @@ def identify(
         InconsistentLogError: if no θ of the prior box explains the logs with |Δ| ≤ δ. Its
             `factor` is a lower bound on the multiple of δ that would be needed.
         ValueError: if the logs are not float64, or too short.
+
+    Example:
+        >>> found = jd.identify(slide, log)
+        >>> found.lower.round(2).tolist(), found.upper.round(2).tolist()
+        ([6.12, 0.0, 7.82], [7.87, 40.0, 22.21])
+        >>> list(found.unidentifiable)  # this motion says nothing of b
+        ['b']
+        >>> wrong = jd.Log(-log.input, log.position, log.period, log.resolution)
+        >>> jd.identify(slide, wrong)  # an input of the wrong sign
+        Traceback (most recent call last):
+        jaxid.loop.log.InconsistentLogError: ...
     """
     given = (logs,) if isinstance(logs, Log) else tuple(logs)
     require(len(given) > 0, "Argument `logs` must hold one log at least, but is empty.")

@@ -142,6 +142,13 @@ def run(
 
     Raises:
         ValueError: if the period does not divide the duration of the motion.
+
+    Example:
+        >>> plant = jd.Plant(slide, (7.0, 20.0, 15.0), NoDisturbance())
+        >>> controller = jd.PDFeedforward(slide, slide.centre, kp=5000.0, kd=300.0)
+        >>> record, signals, log = jd.run(plant, controller, servo, motion)
+        >>> log.position.size
+        601
     """
     loop = closed_loop(
         controller, servo, trajectory, sensor=sensor, repeats=repeats, substeps=substeps

@@ -19,6 +19,11 @@ class Servo(eqx.Module):
         delay: whole periods from a command of the controller until it acts.
         jitter: by which samples and inputs may miss the multiples of the period, s; a tenth of the
             period at most.
+
+    Example:
+        >>> servo = jd.Servo(period=0.001, resolution=1e-6)
+        >>> servo.ticks(motion)
+        600
     """
 
     period: float

@@ -48,6 +48,21 @@ class System(eqx.Module):
         disturbance_bound: δ(y, ẏ), in the unit of the input.
         input_unit: what u is measured in, for tables and axes.
         coordinate: "linear" (m) or "rotary" (rad).
+
+    Example:
+        >>> slide = jd.System(
+        ...     terms=(
+        ...         jd.Term("m", "kg", (5.0, 9.0)),
+        ...         jd.Term("b", "N s/m", (0.0, 40.0), jd.Viscous()),
+        ...         jd.Term("Fc", "N", (0.0, 30.0), jd.Coulomb(beta=500.0)),
+        ...     ),
+        ...     disturbance_bound=jd.ConstantBound(6.0),
+        ...     input_unit="N",
+        ... )
+        >>> slide.names
+        ('m', 'b', 'Fc')
+        >>> slide.with_scaled_disturbance(0.5).disturbance_bound.describe("N", "m/s")
+        '0.5 times 6 N'
     """
 
     terms: tuple[Term, ...]

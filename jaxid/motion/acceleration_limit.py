@@ -15,6 +15,12 @@ def acceleration_limit(system: System, position: Ends, velocity: Ends, input: En
 
     As in the paper the disturbance and the feedback effort are left out, so that |u| ≤ u_max in
     closed loop does not follow from it. For the motor 400/9 = 44.4 m/s².
+
+    Example:
+        >>> box = {"position": (0.0, 0.5), "velocity": (-1.0, 1.0), "input": (-150.0, 150.0)}
+        >>> acceleration = jd.acceleration_limit(slide, **box)  # of the slide of `System`
+        >>> acceleration.round(2).tolist()  # (150 - 40·1 - 30)/9
+        [-8.89, 8.89]
     """
     peaks = _peak_parameters(system)[1:] * _peak_regressors(system, position, velocity)
     return _remaining(system, as_interval(input), jnp.sum(peaks))

@@ -25,6 +25,11 @@ class Limits(eqx.Module):
         input: in the system's input unit; zero lies inside.
         input_rate: in the input unit per s, what the amplifier follows; None, the default, is
             no limit.
+
+    Example:
+        >>> limits = jd.Limits(acceleration=acceleration, jerk=(-200.0, 200.0), **box)
+        >>> limits.velocity.tolist()
+        [-1.0, 1.0]
     """
 
     position: Interval = eqx.field(converter=as_interval)
@@ -100,6 +105,10 @@ class Boundary(eqx.Module):
     Attributes:
         start: [y, ẏ, ÿ] at t = 0.
         vias: later conditions, the final one included (`at = 1`).
+
+    Example:
+        >>> rest = (0.1, 0.0, 0.0)  # m, m/s, m/s²
+        >>> ends = jd.Boundary(rest, (jd.through(rest, at=1.0),))
     """
 
     start: Float[Array, "3"] = eqx.field(converter=as_interval)

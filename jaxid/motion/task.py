@@ -17,6 +17,9 @@ class Task(NamedTuple):
         axis: what the axis does along a motion, if the limits are to hold for it too; a search
             calls it very often, so not a simulation (see `jaxid.search.frozen_loop.perfect`).
         size: pad to this many intervals, so that several lengths share one compilation.
+
+    Example:
+        >>> task = jd.Task(limits, ends, intervals=60, period=0.01)
     """
 
     limits: Limits

@@ -36,6 +36,13 @@ class JerkTrajectory(eqx.Module):
         jerk: one value per interval, m/s³ or rad/s³.
         durations: of the intervals, s. An interval of duration zero does nothing: motions of
             different length share one shape, and one compilation, by padding with such intervals.
+
+    Example:
+        >>> signs = jnp.array([1.0, -1.0, 0.0, -1.0, 1.0, -1.0, 1.0, 0.0, 1.0, -1.0])
+        >>> start, jerk = jnp.array([0.1, 0.0, 0.0]), jnp.repeat(120.0 * signs, 6)
+        >>> motion = jd.JerkTrajectory(start, jerk, jnp.full(60, 0.01))
+        >>> motion.extrema().velocity.round(3).tolist()  # m/s
+        [-0.432, 0.432]
     """
 
     start: Float[Array, "3"]

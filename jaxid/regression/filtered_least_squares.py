@@ -29,6 +29,11 @@ def filtered_least_squares(
 
     Raises:
         ValueError: if the record is not float64, or its motion cannot identify all parameters.
+
+    Example:
+        >>> estimate = jd.filtered_least_squares(record, slide, bandwidth=1000.0, period=0.001)
+        >>> estimate.theta.round(3).tolist(), estimate.bound.round(2).tolist()
+        ([7.0, 20.0, 15.0], [1.24, 36.45, 10.08])
     """
     require_float64("record", record)
     passed = filtered(record, bandwidth, period)

@@ -62,6 +62,11 @@ def lower_bound(system: System, limits: Limits, norm: Norm | None = None) -> Low
         system: its regressors, δ and box.
         limits: of position, velocity and acceleration; the others do not count.
         norm: the functionals; without one, the m parameters themselves.
+
+    Example:
+        >>> least = jd.lower_bound(slide, limits)
+        >>> [round(x, 1) for x in least.value.tolist()]
+        [0.7, 12.6, 6.7]
     """
     require_float64("system", system)
     functionals = np.eye(len(system.names)) if norm is None else np.asarray(norm.functionals)
