@@ -13,7 +13,7 @@ from jaxid.identification.assumptions import assumptions
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.modulating_functions import modulating
 from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
-from jaxid.identification.state_bounds import state_bounds
+from jaxid.identification.state_bounds import StateBounds, state_bounds
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
 from jaxid.loop.log import Log, filled
@@ -22,6 +22,7 @@ from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant, simulate
 from jaxid.model.disturbance_bound import ConstantBound
+from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Constant, Viscous
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.trajectory import reference, uniform
@@ -366,3 +367,33 @@ def test_without_its_sampling_terms_the_bound_would_be_wrong(term, motion):
     wrong, right = guaranteed_estimate(bare, weights), guaranteed_estimate(logged, weights)
     assert np.max(jnp.abs(wrong.theta - theta) / wrong.bound) > 1.2
     assert np.all(jnp.abs(right.theta - theta) <= right.bound)
+
+
+@pytest.mark.parametrize("rows", [hats, boxes])
+def test_the_error_of_interpolation_is_what_the_worst_motion_has(rows):
+    """Accelerations ±A that change with every tick: exact integrals beside what a log knows.
+
+    What the trapezoid rule makes of ∫hat·ẏ, or backward differences of the mean of ÿ, is then off
+    by all of its bound: half of the bound would be too little.
+    """
+    h, n, A = 1e-3, 40, 3.0
+    system = motor.system()
+    a = A * (-1.0) ** np.arange(n)
+    v = np.append(0.0, np.cumsum(a * h))
+    y = np.append(0.0, np.cumsum(v[:-1] * h + a * h**2 / 2))
+    log = Log(jnp.zeros(n), jnp.asarray(y), h, 0.0)
+    band = Range(jnp.full(n, -A), jnp.full(n, A))
+    still = Range(jnp.asarray(np.minimum(v[:-1], v[1:])), jnp.asarray(np.maximum(v[:-1], v[1:])))
+    place = Range(jnp.asarray(np.minimum(y[:-1], y[1:])), jnp.asarray(np.maximum(y[:-1], y[1:])))
+    found = rows(system, log, StateBounds(place, still, band, jnp.zeros(n + 1)))
+    if (
+        rows is hats
+    ):  # ∫ t/h·(v + a t) over the first tick and ∫ (1 − t/h)·(v + a t) over the second
+        exact = (v[:-2] + v[1:-1]) / 2 + h * (a[:-1] / 3 + a[1:] / 6)
+        column, name, most = 1, "interpolated ẏ of B", 0.5
+    else:
+        exact, column, name, most = a[1:], 0, "lag of ẏ", 0.18
+    error = np.abs(np.asarray(found.record.rows.columns[column]) - exact)
+    bound = np.asarray(found.channels[name].worst(jnp.eye(n - 1))) / most
+    assert np.all(error <= bound * (1 + 1e-9))
+    assert np.max(error / bound) > 0.99

@@ -88,6 +88,17 @@ def test_no_plant_leaves_the_tube_within_ticks_either(proved, happened):
     assert u > 0.9
 
 
+def test_a_coarse_encoder_is_covered_and_fills_most_of_the_tube(motion, own):
+    """Counts of 20 µm, which make most of the input. Measured: 0.88 and 0.62 of its half-width.
+
+    With half of the encoder's share the input would reach 1.36 of it, and its rate 1.17.
+    """
+    coarse = Encoder(2e-5)
+    tube, found = tube_of(motion, motor_law(), coarse), seen(motion, motor_law(), coarse, own)
+    assert max(share(a, b) for a, b in zip(found, tube, strict=True)) <= 1
+    assert share(found.input, tube.input) > 0.8
+
+
 def test_a_narrower_tube_is_left(proved, happened):
     """A tenth narrower: in position and in input some plant is outside."""
     for k in (0, 2):
