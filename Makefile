@@ -63,8 +63,8 @@ check: $(READY)  ## lint and types
 	$(BIN)/ruff format --check
 	$(BIN)/basedpyright
 
-clean:
-	rm -rf $(VENV)
+clean:  ## the environment, and what programs have compiled
+	rm -rf $(VENV) "$${XDG_CACHE_HOME:-$$HOME/.cache}/jaxid"
 
 # PIP_CONSTRAINT, not -c: it also pins what the build of the package itself needs
 $(READY): pyproject.toml constraints.txt

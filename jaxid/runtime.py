@@ -1,7 +1,11 @@
 """What a program switches on before its first computation; an import changes nothing."""
 
+import hashlib
 import os
+import platform
 import signal
+import tempfile
+from pathlib import Path
 
 import jax
 import jaxlib.version
@@ -13,14 +17,19 @@ from jaxid._checks import require
 _FOLD = "xla_cpu_small_while_loop_byte_threshold"
 _TRIED = ("0.10.2",)
 
+# a year of work with one version leaves about half of it
+_MOST_COMPILED = 2_000_000_000  # bytes
+
 
 def configure() -> None:
-    """Double precision, and folded loops where the installed jaxlib is known to take the option.
+    """Switch on double precision, folded loops, and a folder that keeps what is compiled.
 
-    Call it at the top of a program, before anything is computed. `XLA_FLAGS` that already name the
-    option are left alone.
+    Call it at the top of a program, before anything is computed. Loops are folded where the
+    installed jaxlib is known to take the option; `XLA_FLAGS` that already name it are left alone.
+    What one run compiles the next one reads: see `compilation_folder`.
     """
     jax.config.update("jax_enable_x64", True)
+    _keep_compiled()
     flags = os.environ.get("XLA_FLAGS", "")
     if _FOLD in flags:
         return
@@ -29,6 +38,61 @@ def configure() -> None:
         os.environ["XLA_FLAGS"] = f"{flags} --xla_backend_extra_options={_FOLD}=65536".strip()
     else:
         print(f"jaxlib {jaxlib.version.__version__} was not tried with {_FOLD}: loops run slower.")
+
+
+def compilation_folder() -> Path | None:
+    """Where programs keep what they compile: `jaxid` in the user's cache folder, if it is writable.
+
+    Compiled code is for one type of processor, so each type has a folder inside.
+    `JAX_COMPILATION_CACHE_DIR` names another place.
+    """
+    try:
+        usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = usual / "jaxid" / hashlib.sha256(_processor().encode()).hexdigest()[:16]
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except (OSError, RuntimeError):  # not writable, or no home
+        return None
+
+
+def _keep_compiled() -> None:
+    """Everything, however short it compiles: small functions are many."""
+    if not jax.config.jax_compilation_cache_dir:  # pyright: ignore[reportAttributeAccessIssue]
+        folder = compilation_folder()
+        if folder is None:
+            return
+        _make_room(folder)
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def _make_room(folder: Path, most: int = _MOST_COMPILED) -> None:
+    """Remove what was written first, until the folder is small enough.
+
+    JAX's own limit needs a lock and looks at every file for every entry that it adds.
+    """
+    found = []
+    for entry in os.scandir(folder):
+        try:
+            found.append((entry.stat().st_mtime, entry.path, entry.stat().st_size))
+        except OSError:  # another process has removed it
+            continue
+    total = sum(size for _, _, size in found)
+    for _, path, size in sorted(found):
+        if total <= most:
+            return
+        Path(path).unlink(missing_ok=True)
+        total -= size
+
+
+def _processor() -> str:
+    """Type of the processor, and what it can do."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    told = [line for line in lines if line.startswith(("model name", "flags", "Features"))]
+    return "\n".join([platform.machine(), platform.processor(), *sorted(set(told))])
 
 
 def processors() -> int:

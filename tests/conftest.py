@@ -4,9 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 os.environ.setdefault("MPLCONFIGDIR", tempfile.mkdtemp())
-# All workers of a run, and the programs that tests start, share what they compile.
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", tempfile.mkdtemp())
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +14,7 @@ from jaxid.io.files import read_trajectory
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.runtime import configure
 
+# all workers, the programs that tests start and the next run share what they compile
 configure()
 jax.config.update("jax_numpy_rank_promotion", "raise")
 

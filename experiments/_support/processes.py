@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import tempfile
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -23,12 +22,11 @@ Result = TypeVar("Result")
 
 @contextmanager
 def pool(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that share nothing but what they compile, and that only until they end."""
+    """Processes that share nothing but what they compile."""
     context = multiprocessing.get_context("spawn")
-    with tempfile.TemporaryDirectory() as folder:
-        arguments = (context.Value("i", 0), folder)
-        with ProcessPoolExecutor(processes, context, _begin, arguments) as workers:
-            yield workers
+    arguments = (context.Value("i", 0),)
+    with ProcessPoolExecutor(processes, context, _begin, arguments) as workers:
+        yield workers
 
 
 def chained(
@@ -110,10 +108,9 @@ def make_room(most: int = 30_000) -> None:
         jax.clear_caches()
 
 
-def _begin(counter: "Synchronized[int]", compiled: str) -> None:
+def _begin(counter: "Synchronized[int]") -> None:
     """One processor per process: two searches side by side then take no longer than one."""
     configure()
-    jax.config.update("jax_compilation_cache_dir", compiled)
     with counter.get_lock():
         pin(processors()[counter.value % len(processors())])
         counter.value += 1
