@@ -6,12 +6,10 @@ What is made of data are bytes, so that all files of a result exist before the f
 
 import csv
 import io
-import json
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import jax.numpy as jnp
 import msgspec
@@ -61,11 +59,6 @@ def write_table(path: Path, header: Sequence[str], rows: Iterable[Mapping[str, C
 def json_bytes(data: msgspec.Struct) -> bytes:
     """A structure for other programs; numbers keep their digits, null stands for no finite one."""
     return msgspec.json.format(msgspec.json.encode(data), indent=2) + b"\n"
-
-
-def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    """One result, for other programs; numbers keep the digits they have."""
-    write_bytes(path, (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode())
 
 
 def read_table(path: Path) -> list[dict[str, str]]:
