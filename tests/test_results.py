@@ -182,6 +182,76 @@ def test_what_a_user_put_in_stays_what_it_is(tmp_path):
     assert (folder / "photos").stat().st_mode & 0o777 == 0o700
 
 
+def test_what_a_user_does_while_it_is_replaced_is_kept(tmp_path, monkeypatch):
+    """Just before the folders change places, when all was carried over."""
+    folder, swap = tmp_path / "slide", exchange._swap
+
+    def quick(new, there, old):
+        (folder / "late.txt").write_text("late")
+        (folder / "photos" / "late.txt").write_text("late, too")
+        (folder / "films").mkdir()
+        (folder / "films" / "one.mp4").write_text("a film")
+        (folder / "edited").write_text("edited")
+        os.replace(folder / "edited", folder / "notes.txt")  # as editors save
+        swap(new, there, old)
+
+    begun(folder)
+    monkeypatch.setattr(exchange, "_swap", quick)
+    write_result(folder, "design", PART, NEW, replace=True)
+    left = snapshot(folder)
+    assert is_whole(left)
+    assert without(left, (*NAMES, "manifest.json")) == MINE | {
+        "late.txt": "late",
+        "photos/late.txt": "late, too",
+        "films/one.mp4": "a film",
+        "notes.txt": "edited",
+    }
+
+
+def test_what_a_killed_run_left_replaces_nothing_that_is_newer(tmp_path):
+    """The folder that it replaced is beside the new one, in which a user has gone on since."""
+    folder, old = tmp_path / "slide", tmp_path / "copy"
+    begun(folder)
+    write_result(folder, "simulate", PART, {"simulation.json": b"{}"})
+    shutil.copytree(folder, old)
+    write_result(folder, "design", PART, NEW, replace=True)
+    write_result(folder, "simulate", PART, {"other.json": b"{}"}, replace=True)
+    (folder / "notes.txt").write_text("gone on")
+    (old / "late.txt").write_text("late")
+    old.rename(tmp_path / ".slide.jaxid-old-0")
+    (tmp_path / ".slide.jaxid-new-0").mkdir()
+    write_result(folder, "identify", PART, {"result.json": b"{}"})
+    assert os.listdir(tmp_path) == ["slide"]
+    left = snapshot(folder)
+    assert left.keys() == {*NAMES, *MINE, "manifest.json", "other.json", "result.json", "late.txt"}
+    assert is_whole(left)
+    assert left["notes.txt"] == "gone on"
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs the names of open files")
+def test_all_is_on_the_disk_before_it_counts(tmp_path, monkeypatch):
+    """Files, and the folders that name them; then the exchange; then what names the folder."""
+    folder, swap, sync, done = tmp_path / "slide", exchange._swap, os.fsync, []
+
+    def synced(descriptor):
+        done.append(Path(os.readlink(f"/proc/self/fd/{descriptor}")).name)
+        sync(descriptor)
+
+    def swapped(*places):
+        done.append("exchange")
+        swap(*places)
+
+    begun(folder)
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(exchange, "_swap", swapped)
+    write_result(folder, "design", PART, NEW, replace=True)
+    at = done.index("exchange")
+    assert done[:4] == [*NAMES, "manifest.json"]
+    assert done[4].startswith(".slide.jaxid-new-")
+    assert sorted(done[5:at]) == ["more", "photos"]
+    assert done[at + 1 :] == [tmp_path.name]
+
+
 def test_a_copy_does_where_a_file_has_one_name_only(tmp_path, monkeypatch):
     def refused(*arguments, **named):
         raise OSError(1, "Operation not permitted")

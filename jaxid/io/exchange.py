@@ -24,7 +24,7 @@ from jaxid.io.manifest import MANIFEST, manifest_in
 # that was killed leaves them, for the next one to tidy up.
 _REFUSE, _OLD = "jaxid-new", "jaxid-old"
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2  # of linux/fcntl.h and linux/fs.h
-_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP)
+_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)  # the last: a sandbox
 
 
 def is_left_over(name: str) -> bool:
