@@ -58,7 +58,9 @@ def recover(folder: Path) -> None:
             )
 
 
-def exchange(folder: Path, files: Mapping[str, bytes], leave: Collection[str]) -> None:
+def exchange(
+    folder: Path, files: Mapping[str, bytes], leave: Collection[str], *, fresh: bool
+) -> None:
     """Make a folder one of these files and of all that it holds already, but for some of that.
 
     What is carried over are the same files under another link, with their dates; folders in it are
@@ -68,8 +70,10 @@ def exchange(folder: Path, files: Mapping[str, bytes], leave: Collection[str]) -
         folder: an absolute path; this process is `alone_and_tidy` there.
         files: by name.
         leave: names of what is not carried over.
+        fresh: there was no such folder when it was found that it may be written.
 
     Raises:
+        FileExistsError: if there is one now.
         OSError: if it cannot be done; the folder is the old one then, or the new one if all that
             failed is to tidy up.
     """
@@ -78,22 +82,35 @@ def exchange(folder: Path, files: Mapping[str, bytes], leave: Collection[str]) -
         new.mkdir()
         for name, data in files.items():
             _write(new / name, data)
-        if replaced := folder.exists():
+        if not fresh:
             shutil.copymode(folder, new)
             _carry(folder, new, leave)
         for place, _, _ in os.walk(new):
             _sync(Path(place))
-        if replaced:
-            _swap(new, folder, old)
+        if fresh:
+            _appear(new, folder)
         else:
-            new.rename(folder)
+            _swap(new, folder, old)
     except BaseException:
         _remove(new)
         raise
     _sync(folder.parent)
-    if replaced:
+    if not fresh:
         with suppress(OSError):  # then the next one does
             _retire(old, folder)
+
+
+def _appear(new: Path, folder: Path) -> None:
+    """Give a new folder its name."""
+    try:
+        new.rename(folder)
+    except OSError as error:
+        if error.errno in (errno.ENOTEMPTY, errno.EEXIST):
+            raise FileExistsError(
+                f"Folder {folder} was written by another run in the meantime; nothing of this one "
+                "was written."
+            ) from None
+        raise
 
 
 def _swap(new: Path, folder: Path, old: Path) -> None:

@@ -47,13 +47,15 @@ def write_result(
     part = msgspec.structs.replace(part, files={file: sha256(x) for file, x in files.items()})
     folder.parent.mkdir(parents=True, exist_ok=True)
     with alone_and_tidy(folder):
+        fresh = not folder.exists()
         _require_unchanged(folder, part)
         old = manifest_in(folder) or Manifest({})
         kept = _kept(old, name, part)
         manifest = Manifest({**kept, name: part})
         gone = [*files, *sorted(old.files - manifest.files)]
         _require_free(folder, gone, replace=replace, late=True)
-        exchange(folder, {**files, MANIFEST: json_bytes(manifest)}, {*gone, MANIFEST})
+        data = {**files, MANIFEST: json_bytes(manifest)}
+        exchange(folder, data, {*gone, MANIFEST}, fresh=fresh)
     return part
 
 
