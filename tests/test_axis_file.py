@@ -41,7 +41,7 @@ def test_the_examples_are_the_axes_of_the_library(read, coordinate, axis):
     assert eqx.tree_equal(found.task.boundary, axis.boundary())
     assert found.servo == axis.servo()
     assert found.task.period == axis.KNOT_PERIOD
-    assert (found.gain, found.delay) == (1.0, 0)
+    assert (found.gain, found.servo.delay) == (1.0, 0)
     system, unit = axis.system(), "m" if axis is motor else "rad"
     by_hand = PDFeedforward(system, system.centre, 8.0, 0.5)
     assert eqx.tree_equal(found.controller, motor.controller() if axis is motor else by_hand)

@@ -1,5 +1,6 @@
 """From a log in a file to intervals that hold the truth, or to what speaks against them."""
 
+import hashlib
 import json
 import re
 
@@ -10,7 +11,7 @@ import pytest
 from experiments.axes import linear_motor as motor
 from jaxid.axis import cli
 from jaxid.axis.file import example, read_axis
-from jaxid.axis.identify import FILES, identify_axis
+from jaxid.axis.identify import IdentifyResult, identify_axis
 from jaxid.identification import identify as door
 from jaxid.identification.batches import knots_by_length
 from jaxid.identification.intervals import guaranteed_intervals
@@ -73,7 +74,12 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     assert "acts as commanded, 2 periods later" in said
     assert "Long log" not in said
     found = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert sorted(FILES) == sorted(path.name for path in (tmp_path / "out").iterdir())
+    there = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert there == sorted([*IdentifyResult.names, "manifest.json"])
+    (part,) = json.loads((tmp_path / "out" / "manifest.json").read_text())["parts"].values()
+    read = {"axis": tmp_path / "axis.toml", "log": tmp_path / "log.csv"}
+    digests = {what: hashlib.sha256(path.read_bytes()).hexdigest() for what, path in read.items()}
+    assert part["sources"] == digests
     assert found["consistent"]
     assert found["rows_used"] == len(rows) - 1
     for truth, (name, one) in zip(TRUTH, found["parameters"].items(), strict=True):

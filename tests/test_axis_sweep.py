@@ -1,7 +1,6 @@
 """What a sweep of an axis of a file says is what its closed loops do."""
 
 import json
-import shutil
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,8 @@ from jaxid.axis import cli
 from jaxid.axis import sweep as axis_sweep
 from jaxid.axis.design import played
 from jaxid.axis.file import example, read_axis
+from jaxid.axis.saved_designs import designs_in
+from jaxid.axis.sweep_result import SweepResult
 from jaxid.io.files import read_dataset, read_trajectory
 from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.controllers import ARC, Delayed, PDFeedforward, undelayed
@@ -21,6 +22,7 @@ from jaxid.motion.trajectory import ticks
 from jaxid.regression.estimate import least_squares_estimate
 from jaxid.regression.filters import filtered
 from tests.processes import finish, start
+from tests.saved import save_design
 
 PROGRAM = "import sys; from jaxid.axis.cli import main; main(sys.argv[1:])"
 
@@ -30,10 +32,8 @@ def folder(figures, tmp_path):
     """A design of the arm, which starts from home, and whose commands act a period late."""
     text = example("rotary").replace("# home = 1.0 ", "home = 0.1 ")
     (tmp_path / "arm.toml").write_text(text.replace("delay = 0 ", "delay = 1 "))
-    own = tmp_path / "choice" / "all_1s"
-    own.mkdir(parents=True)
-    shutil.copy(figures / "arm_all.csv", own / "trajectory.csv")
-    (own / "design.json").write_text(json.dumps({"target": "all"}))
+    digest = read_axis(tmp_path / "arm.toml").digest
+    save_design(tmp_path / "choice" / "all_1s", figures / "arm_all.csv", digest)
     return tmp_path
 
 
@@ -43,8 +43,13 @@ def test_a_folder_of_designs_is_swept(folder):
     (said,) = finish(start("-c", PROGRAM, *arguments, JAX_ENABLE_COMPILATION_CACHE="0"))
     assert "10 closed loops, seed 0; 0 diverge." in said
     found = read_dataset(folder / "choice" / "sweep.nc")
-    assert all((folder / "choice" / name).exists() for name in axis_sweep.FILES)
-    assert not (folder / "choice" / "sweep.blocks").exists()
+    assert sorted(path.name for path in (folder / "choice").iterdir()) == sorted(
+        [*SweepResult.names, "all_1s", "manifest.json"]
+    )
+    assert sorted(path.name for path in folder.iterdir()) == ["arm.toml", "choice"]
+    saved = designs_in(folder / "choice", "rotary")
+    (part,) = json.loads((folder / "choice" / "manifest.json").read_text())["parts"].values()
+    assert part["results"] == {"all_1s/design": saved.designs["all_1s/design"].part.digest}
     assert dict(found.sizes) == {
         "design": 1, "horizon": 1, "gains": 2, "scenario": 5, "bandwidth": 2, "parameter": 5,
     }  # fmt: skip
@@ -64,7 +69,9 @@ def test_a_folder_of_designs_is_swept(folder):
     expected = least_squares_estimate(filtered(record, 200.0, period), axis.system).bound
     np.testing.assert_allclose(one.bound.sel(bandwidth=200.0), expected, rtol=1e-6)
     # what is printed is the worst of all scenarios, with the better bandwidth
-    for target, duration, name, w, worst, _ in axis_sweep.summary(found):
+    rows = SweepResult(axis_sweep.Sweep(axis, saved, found)).summary()
+    assert len(rows) == 5
+    for target, duration, name, w, worst, _ in rows:
         own = found.bound.sel(design=target, horizon=duration, parameter=name, gains="× 1")
         assert worst == float(own.max("scenario").min("bandwidth"))
         assert worst == float(own.sel(bandwidth=w).max("scenario"))
@@ -102,7 +109,9 @@ def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
     text = path.read_text()
     path.write_text(text[: text.index("[controller]")] + text[text.index("[log]") :])
     assert "must have a table [controller] to track a motion" in said(folder / "choice")
-    (folder / "choice" / "all_1s" / "design.json").write_text("{}")
-    assert "must be one of jaxid design, but has no target" in said(folder / "choice")
     (folder / "choice" / "sweep.nc").write_text("mine")
     assert "would be replaced" in said(folder / "choice")
+    (folder / "choice" / "all_1s" / "design.json").write_text("{}")
+    assert "design.json was changed after the design" in said(folder / "choice")
+    (folder / "choice" / "all_1s" / "manifest.json").unlink()
+    assert "all_1s must be one of jaxid design, but has no manifest" in said(folder / "choice")

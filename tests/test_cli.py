@@ -10,10 +10,13 @@ import pytest
 
 from experiments.paper.designs import TOY
 from jaxid.axis import cli
-from jaxid.axis import design as axis_design
+from jaxid.axis import design_result as axis_design
 from jaxid.axis import tradeoff as axis_tradeoff
-from jaxid.axis.design import FILES, appraised, designs_in, in_words, of_another_axis
-from jaxid.axis.file import example, read_axis
+from jaxid.axis.design import appraised, in_words
+from jaxid.axis.design_result import DesignResult
+from jaxid.axis.file import PROGRAM, example, read_axis
+from jaxid.axis.result import write
+from jaxid.axis.saved_designs import designs_in, of_another_axis, read_design
 from jaxid.axis.simulate import simulate_axis
 from jaxid.design.evaluation import evaluate
 from jaxid.io.files import read_table, read_trajectory
@@ -21,6 +24,9 @@ from jaxid.io.setpoints import margins, read_setpoints
 from jaxid.motion.feasibility import interior
 from jaxid.motion.violation import worst_violation
 from jaxid.regression.lower_bound import lower_bound
+from tests.saved import save_design
+
+FILES = sorted([*DesignResult.names, "manifest.json"])
 
 
 @pytest.fixture
@@ -62,7 +68,7 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
     path.write_text(text.replace("# [wanted]", "[wanted]").replace("# J = 0.002", "G = 0.07"))
     cli.main(["design", str(path), "--out", str(out), "--effort", "quick", "--target", "wanted"])
     said = capsys.readouterr().out
-    assert sorted(FILES) == sorted(p.name for p in out.iterdir())
+    assert sorted(p.name for p in out.iterdir()) == FILES
     axis = read_axis(path)
     system, limits = axis.system, axis.task.limits
     motion = read_trajectory(out / "trajectory.csv", "rotary")
@@ -122,7 +128,7 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     least = lower_bound(axis.system, axis.task.limits)
     for target, duration in designs:
         folder = out / f"{target}_{duration:g}s"
-        assert sorted(FILES) == sorted(p.name for p in folder.iterdir())
+        assert sorted(p.name for p in folder.iterdir()) == FILES
         motion = read_trajectory(folder / "trajectory.csv")
         assert float(motion.duration) == pytest.approx(duration)
         worth = evaluate(axis.system, motion, axis.servo, least)
@@ -152,31 +158,48 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     path.write_text(path.read_text() + "# another axis\n")
     assert "M_0.5s holds a design that is none of this axis" in refused(capsys, *asked)
     # what may be replaced is designed anew, for the axis as it is now
-    assert len(of_another_axis(designs_in(out), read_axis(path))) == 4
+    saved = designs_in(out, "linear").designs.values()
+    assert len(of_another_axis(saved, read_axis(path))) == 4
     (out / "all_0.5s" / "trajectory.csv").write_text("damaged")
     (out / "all_0.6s" / "design.json").write_text("{")
     monkeypatch.setattr(axis_tradeoff, "design_axis", hardly_designed)
     cli.main([*asked, "--force"])
-    assert of_another_axis(designs_in(out), read_axis(path)) == ()
+    saved = designs_in(out, "linear").designs
+    assert of_another_axis(saved.values(), read_axis(path)) == ()
     assert (out / "tradeoff.csv").read_text() == before
+    # the table is of these designs
+    manifest = json.loads((out / "manifest.json").read_text())["parts"]["tradeoff"]
+    assert manifest["results"] == {where: one.part.digest for where, one in saved.items()}
+    assert set(manifest["results"]) == {
+        f"{target}_{duration:g}s/design" for target, duration in designs
+    }
 
 
 def test_a_design_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch):
     """Its numbers would be beside the motion of another one. And a delay is said."""
-    path = tmp_path / "axis.toml"
+    path, out = tmp_path / "axis.toml", tmp_path / "out"
     path.write_text(example("linear").replace("delay = 0 ", "delay = 2 "))
-    found = hardly_designed(read_axis(path), "all", 0, cli.EFFORTS["quick"], None)
-    axis_design.write_design(tmp_path / "out", found)
-    written = json.loads((tmp_path / "out" / "design.json").read_text())
-    assert any("2 periods later" in sentence for sentence in written["rests_on"])
+    axis = read_axis(path)
+    found = hardly_designed(axis, "all", 0, cli.EFFORTS["quick"], None)
 
     def interrupted(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(axis_design, "page", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        axis_design.write_design(tmp_path / "out", found)
-    assert designs_in(tmp_path / "out") == []
+    with monkeypatch.context() as patched:
+        patched.setattr(axis_design, "page", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            write(out, DesignResult(found))
+    assert list(tmp_path.iterdir()) == [path]
+    part = write(out, DesignResult(found))
+    written = json.loads((out / "design.json").read_text())
+    assert any("2 periods later" in sentence for sentence in written["rests_on"])
+    # the manifest says where it is from, and what was written is read again
+    assert part.program == PROGRAM
+    assert part.sources == {"axis": hashlib.sha256(path.read_bytes()).hexdigest()}
+    saved = read_design(out, "linear")
+    assert saved.part == part
+    assert saved.summary == DesignResult(found).summary()
+    np.testing.assert_array_equal(saved.motion.jerk, found.motion.jerk)
 
 
 def test_what_cannot_be_designed_is_said_in_a_sentence(tmp_path, capsys):
@@ -221,9 +244,7 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     cli.main(["init", str(path), "--coordinate", "rotary"])
     path.write_text(path.read_text().replace("delay = 0 ", "delay = 2 "))
     path.write_text(path.read_text().replace("# home = 1.0 ", "home = 0.3 "))
-    out.mkdir()
-    shutil.copy(figures / "arm_all.csv", out / "trajectory.csv")
-    (out / "design.json").write_text(json.dumps({"target": "all", "axis_sha256": "before"}))
+    save_design(out, figures / "arm_all.csv", "before")
     cli.main(["simulate", str(path), str(out), "--plants", "8", "--logs", "2"])
     said = capsys.readouterr().out
     assert f"{out} was designed for another axis file than {path} is now" in said
@@ -244,5 +265,35 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     np.testing.assert_allclose(again.excess["position"], beyond, rtol=1e-9)
     assert set(found["half_length"]) == set(axis.system.names)
     assert "would be replaced" in refused(capsys, "simulate", path, out)
+    parts = json.loads((out / "manifest.json").read_text())["parts"]
+    digests = {
+        name: hashlib.sha256((out / name).read_bytes()).hexdigest()
+        for name in ("simulation.json", "simulation.png")
+    }
+    assert parts["simulate"]["files"] == digests
+    assert parts["simulate"]["sources"] == {"axis": axis.digest}
+    assert parts["simulate"]["results"] == {"design": read_design(out, "rotary").part.digest}
     path.write_text(path.read_text().replace("[controller]", "[controler]"))
     assert "controler" in refused(capsys, "simulate", path, out, "--force")
+
+
+def test_a_design_that_was_changed_is_not_simulated(tmp_path, capsys, figures):
+    path, out = tmp_path / "arm.toml", tmp_path / "arm"
+    cli.main(["init", str(path), "--coordinate", "rotary"])
+    save_design(out, figures / "arm_all.csv", read_axis(path).digest)
+    simulate = "simulate", path, out
+    text = (out / "trajectory.csv").read_text()
+    (out / "trajectory.csv").write_text(text.replace("0.0", "0.1", 1))
+    said = refused(capsys, *simulate)
+    assert f"File {out / 'trajectory.csv'} was changed after the design: put it back" in said
+    (out / "trajectory.csv").write_text(text)
+    (out / "manifest.json").rename(tmp_path / "manifest.json")
+    assert f"{out} must be one of jaxid design, but has no manifest" in refused(capsys, *simulate)
+    # that of another program, whose files are as it wrote them
+    parts = json.loads((tmp_path / "manifest.json").read_text())
+    (out / "design.json").write_text("{}")
+    digest = hashlib.sha256(b"{}").hexdigest()
+    parts["parts"]["design"] |= {"program": "jaxid 0.0.1"}
+    parts["parts"]["design"]["files"]["design.json"] = digest
+    (out / "manifest.json").write_text(json.dumps(parts))
+    assert "was written by jaxid 0.0.1, whose design.json is another" in refused(capsys, *simulate)

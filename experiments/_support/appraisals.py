@@ -18,14 +18,7 @@ def rows_of(worth: Mapping[str, Evaluation], label: str, names: tuple[str, ...])
         names: of the parameters.
     """
     return [
-        {
-            label: motion,
-            "parameter": name,
-            "J_lse": float(one.error[k]),
-            "guaranteed": float(one.guaranteed[k]),
-            "floor": float(one.floor[k]),
-            "gap": float(one.gap[k]),
-        }
+        {label: motion, "parameter": name, **dict(zip(WORTH, numbers, strict=True))}
         for motion, one in worth.items()
-        for k, name in enumerate(names)
+        for name, numbers in zip(names, one.by_parameter, strict=True)
     ]

@@ -9,20 +9,23 @@ import tyro
 from tqdm import tqdm
 
 from jaxid._checks import require
-from jaxid.axis import design as axis_design
-from jaxid.axis import identify as axis_identify
-from jaxid.axis import prior as axis_prior
-from jaxid.axis import simulate as axis_simulate
-from jaxid.axis import sweep as axis_sweep
-from jaxid.axis import tradeoff as axis_tradeoff
-from jaxid.axis.design import ALL, design_axis, designs_in, of_another_axis
+from jaxid.axis.design import ALL, design_axis
+from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import Axis, Coordinate, example, read_axis
-from jaxid.axis.identify import identify_axis
+from jaxid.axis.identify import IdentifyResult, identify_axis
 from jaxid.axis.prior import propose
+from jaxid.axis.result import Result, write
+from jaxid.axis.saved_designs import SavedDesign, designs_in, of_another_axis, read_design
 from jaxid.axis.simulate import simulate_axis
+from jaxid.axis.simulate_result import SimulateResult
+from jaxid.axis.sweep import BANDWIDTHS, FACTORS, forget_blocks, sweep_axis
+from jaxid.axis.sweep_result import SweepResult
 from jaxid.axis.tradeoff import tradeoff
-from jaxid.io.files import read_trajectory, write_bytes
+from jaxid.axis.tradeoff_result import TradeoffResult
+from jaxid.io.files import write_bytes
 from jaxid.io.log_file import Columns, read_log
+from jaxid.io.manifest import sha256_of
+from jaxid.io.results import require_writable
 from jaxid.runtime import configure, connect, processors
 from jaxid.search.effort import Effort
 
@@ -54,7 +57,7 @@ def init(
         coordinate: of the axis.
         force: replace a file that is there.
     """
-    _keep([axis], force)
+    require(force or not axis.exists(), f"{axis} would be replaced: allow it with --force.")
     write_bytes(axis, example(coordinate).encode())
     print(f"{axis} describes an example: change it into your axis, then: jaxid design {axis}")
 
@@ -72,8 +75,7 @@ def prior(
         run_python: run the module that the file of the axis names.
     """
     known = read_axis(axis, run_python=run_python)
-    found = propose(known, read_log(log, _columns(axis, known)))
-    print(axis_prior.text(known, found))
+    print(propose(known, read_log(log, _columns(axis, known))).text())
 
 
 def design(
@@ -108,20 +110,15 @@ def design(
     known = read_axis(axis, run_python=run_python)
     times = horizons or (known.task.intervals * known.task.period,)
     several = len(target) * len(times) > 1
-    files = axis_tradeoff.FILES if several else axis_design.FILES
-    _keep([out / name for name in files], force)
+    names = (TradeoffResult if several else DesignResult).names
+    require_writable(out, names, replace=force)
     with tqdm(bar_format="{desc} ({elapsed})") as line:
         search = seed, EFFORTS[effort], line.set_description
         if several:
-            found = tradeoff(known, target, times, out, *search, replace=force)
+            result = TradeoffResult(tradeoff(known, target, times, out, *search, replace=force))
         else:
-            found = [design_axis(known.lasting(times[0]), target[0], *search)]
-    if several:
-        axis_tradeoff.write_tradeoff(out, found)
-        print(axis_tradeoff.text(found))
-    else:
-        print(axis_design.text(found[0], axis_design.write_design(out, found[0])))
-    print(f"Written to {out}: {', '.join(files)}")
+            result = DesignResult(design_axis(known.lasting(times[0]), target[0], *search))
+    _finish(out, result, force)
 
 
 def simulate(
@@ -146,22 +143,20 @@ def simulate(
         force: replace files that are there.
         run_python: run the module that the file of the axis names.
     """
-    _keep([design / name for name in axis_simulate.FILES], force)
     known = read_axis(axis, run_python=run_python)
-    motion = read_trajectory(design / "trajectory.csv", known.system.coordinate)
+    saved = read_design(design, known.system.coordinate)
+    require_writable(design, SimulateResult.names, replace=force)
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
-        found = simulate_axis(known, motion, plants, logs, seed, line.set_description)
-    axis_simulate.write_simulated(design, found)
-    _tell_changed(axis, [design / "design.json"], known)
-    print(axis_simulate.text(found))
-    print(f"Written to {design}: {', '.join(axis_simulate.FILES)}")
+        found = simulate_axis(known, saved.motion, plants, logs, seed, line.set_description)
+    _tell_changed(axis, [saved], known)
+    _finish(design, SimulateResult(found, saved.part.digest), force)
 
 
 def sweep(
     axis: tyro.conf.Positional[Path],
     design: tyro.conf.Positional[Path],
-    bandwidths: tuple[float, ...] = axis_sweep.BANDWIDTHS,
-    factors: tuple[float, ...] = axis_sweep.FACTORS,
+    bandwidths: tuple[float, ...] = BANDWIDTHS,
+    factors: tuple[float, ...] = FACTORS,
     plants: int = 3,
     seed: int = 0,
     force: bool = False,
@@ -181,22 +176,22 @@ def sweep(
         force: replace files that are there.
         run_python: run the module that the file of the axis names.
     """
-    _keep([design / name for name in axis_sweep.FILES], force)
     connect(processors())
     known = read_axis(axis, run_python=run_python)
+    saved = designs_in(design, known.system.coordinate)
+    require_writable(design, SweepResult.names, replace=force)
     with tqdm(unit="block") as line:
 
         def tell(done: int, total: int) -> None:
             line.total = total
             line.update(done - line.n)
 
-        found = axis_sweep.sweep_axis(known, design, bandwidths, factors, plants, seed, tell)
+        found = sweep_axis(known, saved, bandwidths, factors, plants, seed, tell)
     if found is None:  # another process has all of it
         return
-    axis_sweep.write_sweep(design, found)
-    _tell_changed(axis, designs_in(design), known)
-    print(axis_sweep.text(found))
-    print(f"Written to {design}: {', '.join(axis_sweep.FILES)}")
+    _tell_changed(axis, saved.designs.values(), known)
+    _finish(design, SweepResult(found), force)
+    forget_blocks(design)
 
 
 def identify(
@@ -217,14 +212,12 @@ def identify(
         force: replace files that are there.
         run_python: run the module that the file of the axis names.
     """
-    _keep([out / name for name in axis_identify.FILES], force)
+    require_writable(out, IdentifyResult.names, replace=force)
     known = read_axis(axis, run_python=run_python)
     recorded = read_log(log, _columns(axis, known))
     with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
         found = identify_axis(known, recorded, line.set_description)
-    axis_identify.write_identified(out, found)
-    print(axis_identify.text(found))
-    print(f"Written to {out}: {', '.join(axis_identify.FILES)}")
+    _finish(out, IdentifyResult(found, sha256_of(log)), force)
     if found.result is None:
         raise SystemExit(CONTRADICTED)
 
@@ -260,13 +253,16 @@ def _columns(path: Path, axis: Axis) -> Columns:
     return axis.columns
 
 
-def _tell_changed(path: Path, designs: Iterable[Path], axis: Axis) -> None:
+def _tell_changed(path: Path, designs: Iterable[SavedDesign], axis: Axis) -> None:
     """Of motions whose numbers are not of this axis."""
-    for folder in of_another_axis([one for one in designs if one.exists()], axis):
+    for folder in of_another_axis(designs, axis):
         print(f"{folder} was designed for another axis file than {path} is now: see design.json.")
 
 
-def _keep(paths: Iterable[Path], force: bool) -> None:
-    """Refuse to replace what is there."""
-    there = [str(path) for path in paths if path.exists()]
-    require(force or not there, f"{', '.join(there)} would be replaced: allow it with --force.")
+def _finish(folder: Path, result: Result, replace: bool) -> None:
+    """Write a result and print it, even if it is refused by now: it may have taken long."""
+    try:
+        write(folder, result, replace=replace)
+    finally:
+        print(result.text())
+    print(f"Written to {folder}: {', '.join(result.names)}")

@@ -1,29 +1,31 @@
 """From a recorded log of an axis of a file to intervals, and to whether the log belongs to it."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 from jaxtyping import Array
 
 from jaxid._checks import require
 from jaxid.axis.file import PROGRAM, Axis
+from jaxid.axis.result import Result
+from jaxid.axis.summaries import IdentificationSummary, IdentifiedParameter, UsedPiece
 from jaxid.identification.assumptions import assumptions
 from jaxid.identification.batches import SIZES
 from jaxid.identification.falsification import LEAST
 from jaxid.identification.identify import Identification, identify, rounded_down
 from jaxid.identification.least_squares import LeastSquaresFit, fit_least_squares
 from jaxid.io import plots
-from jaxid.io.files import UNITS, write_json
+from jaxid.io.files import UNITS, json_bytes
 from jaxid.io.log_file import Recorded
 from jaxid.io.segments import Segment, rows_used, steady_segments
 from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 
-FILES = ("result.json", "residuals.png")
 _SHOWN = 10  # pieces that are named
 _ABSURD = 20.0  # times a limit's half-width, which no stop, amplifier or clock would let pass
 
@@ -100,41 +102,67 @@ def _require_plausible(recorded: Recorded, limits: Limits, system: System) -> No
         )
 
 
-def write_identified(folder: Path, found: Identified) -> None:
-    """Write `FILES`."""
-    write_json(folder / FILES[0], summary(found))
-    page(folder / FILES[1], found)
+@dataclass(frozen=True, eq=False)
+class IdentifyResult(Result):
+    """What a log proves, as files and as text.
+
+    Attributes:
+        found: what a log says.
+        log_sha256: of the file that holds the log.
+    """
+
+    found: Identified
+    log_sha256: str
+    name: ClassVar[str] = "identify"
+    names: ClassVar[tuple[str, ...]] = ("result.json", "residuals.png")
+
+    @property
+    def axis(self) -> Axis:
+        return self.found.axis
+
+    @property
+    def sources(self) -> dict[str, str]:
+        return super().sources | {"log": self.log_sha256}
+
+    def summary(self) -> IdentificationSummary:
+        return summary(self.found)
+
+    def files(self) -> Mapping[str, bytes]:
+        return {"result.json": json_bytes(self.summary()), "residuals.png": page(self.found)}
+
+    def text(self) -> str:
+        return text(self.found)
 
 
-def summary(found: Identified) -> dict[str, Any]:
+def summary(found: Identified) -> IdentificationSummary:
     """For other programs: intervals, or how large δ would have to be, and what all rests on."""
     axis, system, result = found.axis, found.axis.system, found.result
     logs = [piece.log for piece in found.pieces]
-    return {
-        "program": PROGRAM,
-        "consistent": result is not None,
-        "contradiction": None if found.inconsistency is None else str(found.inconsistency),
-        "least_factor_of_disturbance_bound": _factor(found),
-        "parameters": {name: _parameter(found, k) for k, name in enumerate(system.names)},
-        "not_told_apart": {
+    return IdentificationSummary(
+        program=PROGRAM,
+        consistent=result is not None,
+        contradiction=None if found.inconsistency is None else str(found.inconsistency),
+        least_factor_of_disturbance_bound=_factor(found),
+        parameters={name: _parameter(found, k) for k, name in enumerate(system.names)},
+        not_told_apart={
             name: dict(zip(system.names, combination.tolist(), strict=True))
             for name, combination in ({} if result is None else result.unidentifiable).items()
         },
-        "rows": found.recorded.position.size,
-        "rows_used": rows_used(found.pieces),
-        "stretches": None if result is None else result.batches,
-        "ticks_to_a_weight": None if result is None else result.samples_per_weight,
-        "pieces": [
-            {
-                "first_row": piece.first + 1,
-                "last_row": piece.last + 1,
-                "period_s": float(piece.log.period),
-                "jitter_s": float(piece.log.jitter),
-            }
+        rows=found.recorded.position.size,
+        rows_used=rows_used(found.pieces),
+        stretches=None if result is None else result.batches,
+        ticks_to_a_weight=None if result is None else result.samples_per_weight,
+        pieces=tuple(
+            UsedPiece(
+                first_row=piece.first + 1,
+                last_row=piece.last + 1,
+                period_s=float(piece.log.period),
+                jitter_s=float(piece.log.jitter),
+            )
             for piece in found.pieces
-        ],
-        "rests_on": list(assumptions(system, *logs, delay=axis.servo.delay)),
-    }
+        ),
+        rests_on=assumptions(system, *logs, delay=axis.servo.delay),
+    )
 
 
 def _factor(found: Identified) -> float | None:
@@ -144,23 +172,24 @@ def _factor(found: Identified) -> float | None:
     return found.result.disturbance_factor if found.result.disturbance_factor > LEAST else None
 
 
-def _parameter(found: Identified, k: int) -> dict[str, Any]:
+def _parameter(found: Identified, k: int) -> IdentifiedParameter:
     system = found.axis.system
-    known: dict[str, Any] = {
-        "unit": system.units[k],
-        "prior": [float(system.lower[k]), float(system.upper[k])],
-        "least_squares": None if found.fit is None else float(found.fit.theta[k]),
-    }
+    known = IdentifiedParameter(
+        unit=system.units[k],
+        prior=(float(system.lower[k]), float(system.upper[k])),
+        least_squares=None if found.fit is None else float(found.fit.theta[k]),
+    )
     result = found.result
     if result is None:
         return known
     estimate = result.estimate
-    return known | {
-        "theta_hat": float(estimate.theta[k]),
-        "bound": float(estimate.bound[k]),
-        "guaranteed": [float(estimate.lower[k]), float(estimate.upper[k])],
-        "possible": [float(result.lower[k]), float(result.upper[k])],
-    }
+    return msgspec.structs.replace(
+        known,
+        theta_hat=float(estimate.theta[k]),
+        bound=float(estimate.bound[k]),
+        guaranteed=(float(estimate.lower[k]), float(estimate.upper[k])),
+        possible=(float(result.lower[k]), float(result.upper[k])),
+    )
 
 
 def text(found: Identified) -> str:
@@ -171,7 +200,7 @@ def text(found: Identified) -> str:
             *([] if found.result is None else _of_result(found, found.result)),
             *([] if found.inconsistency is None else [f"Inconsistent log. {found.inconsistency}"]),
             "This rests on:",
-            *(f"  {sentence}" for sentence in summary(found)["rests_on"]),
+            *(f"  {sentence}" for sentence in summary(found).rests_on),
         )
     )
 
@@ -209,12 +238,8 @@ def _intervals(system: System, result: Identification) -> str:
         for pair in pairs
     ]
     rows = list(zip(system.names, system.units, *columns, strict=True))
-    needed = (
-        f"at least {rounded_down(factor):g}·δ"
-        if factor > LEAST
-        else f"no lower bound above {LEAST:g}·δ"
-    )
-    title = f"Guaranteed parameter intervals. Disturbance needed to explain this log: {needed}."
+    lowest = f"at least {rounded_down(factor):g}·δ" if factor > LEAST else "no lower bound found"
+    title = f"Guaranteed parameter intervals. Disturbance needed to explain this log: {lowest}."
     return plots.text_table(header, rows, title)
 
 
@@ -224,7 +249,7 @@ def _exchange(found: Identified, combination: np.ndarray) -> str:
     return ", ".join(f"{amount:+.3g} {unit} of {name}" for name, amount, unit in parts if amount)
 
 
-def page(path: Path, found: Identified) -> None:
+def page(found: Identified) -> bytes:
     """What least squares leaves of the input by time, position and velocity, beside ±δ."""
     system = found.axis.system
     rest = found.fit or LeastSquaresFit(*np.zeros((6, 0)))
@@ -247,4 +272,4 @@ def page(path: Path, found: Identified) -> None:
     title = "" if found.fit else "no fit by least squares"
     rest_of = f"rest of least squares ({system.input_unit}), ±δ grey"
     plots.label(panels[0], views[0][0], rest_of, title)
-    plots.save(canvas, path)
+    return plots.png(canvas)

@@ -41,16 +41,32 @@ class Proposal(NamedTuple):
     """By the rule.
 
     Attributes:
+        axis: that it is for.
         theta: of least squares, shape (m,).
         lower: of the box, shape (m,).
         upper: shape (m,).
         delta: in the unit of the input.
     """
 
+    axis: Axis
     theta: Float[np.ndarray, " m"]
     lower: Float[np.ndarray, " m"]
     upper: Float[np.ndarray, " m"]
     delta: float
+
+    def text(self) -> str:
+        """For people, with the rule."""
+        system = self.axis.system
+        numbers = (x.tolist() for x in (self.theta, self.lower, self.upper))
+        rows = list(zip(system.names, system.units, *numbers, strict=True))
+        return "\n".join(
+            (
+                text_table(("parameter", "unit", "least squares", "from", "to"), rows),
+                f"δ: level = {self.delta:.4g} {system.input_unit}",
+                "The rule:",
+                *(f"  {sentence}" for sentence in RULE),
+            )
+        )
 
 
 def propose(axis: Axis, recorded: Recorded) -> Proposal:
@@ -84,22 +100,8 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
             "friction is; a term of the axis is missing, or a sign is wrong.",
         )
     known = system.with_box(jnp.asarray(lower), jnp.asarray(upper))
-    return Proposal(found.theta, lower, upper, MARGIN * _smallest(known, logs, found.rest))
-
-
-def text(axis: Axis, found: Proposal) -> str:
-    """For people, with the rule."""
-    system = axis.system
-    numbers = (x.tolist() for x in (found.theta, found.lower, found.upper))
-    rows = list(zip(system.names, system.units, *numbers, strict=True))
-    return "\n".join(
-        (
-            text_table(("parameter", "unit", "least squares", "from", "to"), rows),
-            f"δ: level = {found.delta:.4g} {system.input_unit}",
-            "The rule:",
-            *(f"  {sentence}" for sentence in RULE),
-        )
-    )
+    delta = MARGIN * _smallest(known, logs, found.rest)
+    return Proposal(axis, found.theta, lower, upper, delta)
 
 
 def _least(term: Term, k: int, estimate: float) -> float:

@@ -1,22 +1,18 @@
 """What an axis of a file will do along a motion: random plants of its box, in its closed loop."""
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from jaxid._checks import require
 from jaxid.axis.design import played
-from jaxid.axis.file import PROGRAM, Axis
-from jaxid.identification.assumptions import assumptions
+from jaxid.axis.file import Axis
 from jaxid.identification.intervals import guaranteed_intervals
-from jaxid.io import plots
-from jaxid.io.files import UNITS, write_json
 from jaxid.loop.closed_loop import ClosedLoop, closed_loop, plant_violations
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.log import Log
@@ -25,9 +21,8 @@ from jaxid.loop.simulate import Signals
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
-FILES = ("simulation.json", "simulation.png")
-_SUBSTEPS = 5  # Runge-Kutta steps per period: what happens between ticks counts
-_DRAWN = 30
+SUBSTEPS = 5  # Runge-Kutta steps per period: what happens between ticks counts
+DRAWN = 30
 _PUSH = 10.0  # 1/s: how fast the adversary's position error counts beside its velocity error
 
 
@@ -86,7 +81,7 @@ def simulate_axis(
     scenarios = random_scenarios(key, axis.system, kinds, loop.ticks, plants)
     tell(f"{plants} plants")
     excess = np.asarray(plant_violations(loop, scenarios, axis.task.limits, whole))
-    drawn = _signals(loop, scenarios[np.arange(min(max(logs, _DRAWN), plants))], whole)
+    drawn = _signals(loop, scenarios[np.arange(min(max(logs, DRAWN), plants))], whole)
     kept, lengths, outside = [_log(axis, drawn, k) for k in range(logs)], [], 0
     for k, log in enumerate(kept):
         tell(f"what log {k + 1} of {logs} proves")
@@ -99,7 +94,7 @@ def simulate_axis(
 
 
 def _loop(axis: Axis, motion: JerkTrajectory) -> ClosedLoop:
-    return closed_loop(axis.tracking_controller, axis.servo, motion, substeps=_SUBSTEPS)
+    return closed_loop(axis.tracking_controller, axis.servo, motion, substeps=SUBSTEPS)
 
 
 @eqx.filter_jit
@@ -115,70 +110,3 @@ def _log(axis: Axis, signals: Signals, k: int) -> Log:
 def _sides(limits: Limits) -> tuple[str, ...]:
     rate = () if limits.input_rate is None else ("input_rate",)
     return ("position", "velocity", "input", *rate)
-
-
-def write_simulated(folder: Path, found: Simulated) -> None:
-    """Write `FILES`."""
-    write_json(folder / FILES[0], summary(found))
-    page(folder / FILES[1], found)
-
-
-def summary(found: Simulated) -> dict[str, Any]:
-    """For other programs."""
-    system = found.axis.system
-    lengths = np.median(found.half_lengths, axis=0), np.max(found.half_lengths, axis=0)
-    return {
-        "program": PROGRAM,
-        "axis_sha256": found.axis.digest,
-        "seed": found.seed,
-        "plants": found.plants,
-        "limits": {
-            name: {"beyond": int(np.sum(worst > 0)), "least_margin": -float(np.max(worst))}
-            for name, worst in found.excess.items()
-        },
-        "logs": len(found.half_lengths),
-        "logs_with_a_truth_outside": found.outside,
-        "half_length": {
-            name: {"unit": unit, "median": float(median), "most": float(most)}
-            for name, unit, median, most in zip(system.names, system.units, *lengths, strict=True)
-        },
-        "rests_on": list(assumptions(system, found.log, delay=found.axis.servo.delay)),
-    }
-
-
-def text(found: Simulated) -> str:
-    """For people."""
-    said, logs = summary(found), len(found.half_lengths)
-    margins = [(name, one["beyond"], one["least_margin"]) for name, one in said["limits"].items()]
-    lengths = [(name, *one.values()) for name, one in said["half_length"].items()]
-    title = f"Half of the intervals that {logs} logs prove; outside of them: {found.outside} truths"
-    return "\n".join(
-        (
-            f"{found.plants} axes, seed {found.seed}: evidence, no proof",
-            plots.text_table(("limit", "axes beyond it", "least margin"), margins),
-            plots.text_table(("parameter", "unit", "median", "most"), lengths, title),
-            "They rest on:",
-            *(f"  {sentence}" for sentence in said["rests_on"]),
-        )
-    )
-
-
-def page(path: Path, found: Simulated) -> None:
-    """Tracking error, velocity and input of some plants."""
-    axis, drawn = found.axis, found.drawn
-    unit, limits = UNITS[axis.system.coordinate], axis.task.limits
-    canvas, panels = plots.figure(1, 3, (12.0, 4.2))
-    instants = np.asarray(drawn.time[0])
-    error = drawn.position - found.played.states(drawn.time[0]).position[None]
-    ticks_at = instants[:-1:_SUBSTEPS]
-    views: tuple[tuple[str, np.ndarray, Array, Array | None], ...] = (
-        (f"position less the motion's ({unit})", instants, error, None),
-        (f"velocity ({unit}/s)", instants, drawn.velocity, limits.velocity),
-        (f"input ({axis.system.input_unit})", ticks_at, drawn.input, limits.input),
-    )
-    for panel, (name, time, values, interval) in zip(panels, views, strict=True):
-        panel.plot(time, np.asarray(values[:_DRAWN]).T, linewidth=0.7, alpha=0.7)
-        if interval is not None:
-            plots.limit_lines(panel, interval.tolist())
-        plots.label(panel, "time (s)", name)
-    plots.save(canvas, path)

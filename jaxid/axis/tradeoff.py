@@ -1,30 +1,35 @@
-"""Motions for an axis of a file, of several durations and for several targets, compared."""
+"""Motions for an axis of a file, of several durations and for several targets."""
 
-from collections.abc import Iterable, Sequence
-from itertools import cycle, product
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 from jaxid._checks import require
-from jaxid.axis.design import (
-    AxisDesign,
-    appraised,
-    design_axis,
-    in_words,
-    read_design,
-    require_possible,
-    write_design,
-)
+from jaxid.axis.design import AxisDesign, appraised, design_axis, in_words, require_possible
+from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import PROGRAM, Axis
-from jaxid.io import plots
-from jaxid.io.files import Cell, read_trajectory, write_table
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.axis.result import write
+from jaxid.axis.saved_designs import SavedDesign, read_design
+from jaxid.io.results import require_writable
 from jaxid.motion.violation import worst_violation
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.search.effort import Effort
 from jaxid.search.problem import Report
 
-FILES = ("tradeoff.csv", "tradeoff.png")
-COLUMNS = ("target", "duration_s", "parameter", "unit", "J", "guaranteed", "floor", "gap")
+
+class Tradeoff(NamedTuple):
+    """Designs to choose from.
+
+    Attributes:
+        axis: of the file.
+        designs: each with a duration of its own in its axis.
+        results: digest of each, by where it is.
+    """
+
+    axis: Axis
+    designs: tuple[AxisDesign, ...]
+    results: dict[str, str]
 
 
 def tradeoff(
@@ -37,7 +42,7 @@ def tradeoff(
     tell: Report = lambda message: None,
     *,
     replace: bool = False,
-) -> list[AxisDesign]:
+) -> Tradeoff:
     """Every target with every duration; each design is kept in a folder of its own when found.
 
     Args:
@@ -55,94 +60,62 @@ def tradeoff(
         ValueError: if a folder holds another design that must not be replaced.
     """
     asked = [(target, axis.lasting(duration)) for target, duration in product(targets, durations)]
-    folders = [out / f"{target}_{_duration(longer):.12g}s" for target, longer in asked]
+    places = [f"{target}_{duration_of(longer):.12g}s" for target, longer in asked]
     search, kept = in_words(seed, effort), []
-    for folder, (target, longer) in zip(folders, asked, strict=True):
+    for place, (target, longer) in zip(places, asked, strict=True):
         require_possible(longer, target)
-        kept.append(_kept(folder, longer, target, search))
-        require(
-            kept[-1] is not None or replace or not (folder / "design.json").exists(),
-            f"{folder} holds a design that is none of this axis and search: choose another folder, "
-            "or allow to replace it with --force.",
-        )
-    found, least = [], lower_bound(axis.system, axis.task.limits)  # whatever the duration
-    for folder, (target, longer), motion in zip(folders, asked, kept, strict=True):
-        label = folder.name
-        if motion is None:
+        kept.append(_kept(out / place, longer, target, search, replace=replace))
+    found, results = [], {}
+    least = lower_bound(axis.system, axis.task.limits)  # whatever the duration
+    for place, (target, longer), saved in zip(places, asked, kept, strict=True):
+        if saved is None:
             one = design_axis(
-                longer, target, seed, effort, lambda said, label=label: tell(f"{label}: {said}")
+                longer, target, seed, effort, lambda said, place=place: tell(f"{place}: {said}")
             )
-            write_design(folder, one)
+            part = write(out / place, DesignResult(one), replace=replace)
         else:
-            tell(f"{label}: what it is worth")
-            one = appraised(longer, target, search, motion, least)
+            tell(f"{place}: what it is worth")
+            one, part = appraised(longer, target, search, saved.motion, least), saved.part
         found.append(one)
-    return found
+        results[f"{place}/{DesignResult.name}"] = part.digest
+    return Tradeoff(axis, tuple(found), results)
 
 
-def write_tradeoff(folder: Path, found: Sequence[AxisDesign]) -> None:
-    """Write `FILES`."""
-    write_table(folder / FILES[0], COLUMNS, rows(found))
-    page(folder / FILES[1], found)
-
-
-def rows(found: Iterable[AxisDesign]) -> list[dict[str, Cell]]:
-    """One per design and parameter."""
-    return [
-        {
-            "target": one.target,
-            "duration_s": _duration(one.axis),
-            "parameter": name,
-            "unit": one.axis.system.units[k],
-            "J": float(one.worth.error[k]),
-            "guaranteed": float(one.worth.guaranteed[k]),
-            "floor": float(one.worth.floor[k]),
-            "gap": float(one.worth.gap[k]),
-        }
-        for one in found
-        for k, name in enumerate(one.axis.system.names)
-    ]
-
-
-def text(found: Iterable[AxisDesign]) -> str:
-    """For people."""
-    cells = [[row[name] for name in COLUMNS] for row in rows(found)]
-    return plots.text_table(COLUMNS, cells, "What their logs can be expected to prove")
-
-
-def page(path: Path, found: Sequence[AxisDesign]) -> None:
-    """What is guaranteed of each parameter over the duration, one line per target."""
-    system = found[0].axis.system
-    targets = list(dict.fromkeys(one.target for one in found))
-    count = len(system.names)
-    canvas, panels = plots.figure(1, count, (3.4 * count, 3.8))
-    for k, (panel, name, unit) in enumerate(zip(panels, system.names, system.units, strict=True)):
-        for target, colour in zip(targets, cycle(plots.CYCLE), strict=False):
-            own = [one for one in found if one.target == target]
-            time = [_duration(one.axis) for one in own]
-            error = [float(one.worth.guaranteed[k]) for one in own]
-            panel.plot(time, error, "o-", color=colour, label=f"for {target}")
-        least = float(found[0].worth.floor[k])
-        panel.axhline(least, color=plots.GREY, linestyle="--", linewidth=1.2, label="floor")
-        plots.label(panel, "duration (s)", f"guaranteed ± ({unit})", name)
-    panels[0].legend(fontsize=10)
-    plots.save(canvas, path)
-
-
-def _duration(axis: Axis) -> float:
+def duration_of(axis: Axis) -> float:
+    """Of its motions, without their approach, s."""
     return round(axis.task.intervals * axis.task.period, 12)
 
 
-def _kept(folder: Path, axis: Axis, target: str, search: str) -> JerkTrajectory | None:
-    """The motion that was designed before, if it is one for this and within the limits."""
+def _kept(
+    folder: Path, axis: Axis, target: str, search: str, *, replace: bool
+) -> SavedDesign | None:
+    """The design that was found before, if it is one for this and within the limits.
+
+    Raises:
+        ValueError: if the folder holds something else, which must not be replaced.
+    """
     try:
-        there = read_design(folder / "design.json")
-        motion = read_trajectory(folder / "trajectory.csv", axis.system.coordinate)
+        saved = read_design(folder, axis.system.coordinate)
     except (ValueError, OSError):  # none, or damaged
-        return None
-    names = "axis_sha256", "target", "search", "program"
-    if (axis.digest, target, search, PROGRAM) != tuple(there.get(name) for name in names):
-        return None
-    right = motion.jerk.size == axis.task.intervals
-    right = right and worst_violation(axis.task.limits, axis.task.boundary, motion) <= 0
-    return motion if right else None
+        saved = None
+    if saved is not None and _is_for(saved, axis, target, search):
+        return saved
+    require(
+        replace or not (folder / "design.json").exists(),
+        f"{folder} holds a design that is none of this axis and search: choose another folder, "
+        "or allow to replace it with --force.",
+    )
+    require_writable(folder, DesignResult.names, replace=replace)
+    return None
+
+
+def _is_for(saved: SavedDesign, axis: Axis, target: str, search: str) -> bool:
+    """Whether a design is what this search would find again."""
+    summary, motion, task = saved.summary, saved.motion, axis.task
+    if (axis.digest, target, search, PROGRAM) != (
+        summary.axis_sha256, summary.target, summary.search, summary.program,
+    ):  # fmt: skip
+        return False
+    return motion.jerk.size == task.intervals and bool(
+        worst_violation(task.limits, task.boundary, motion) <= 0
+    )

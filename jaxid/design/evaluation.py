@@ -14,6 +14,22 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.lower_bound import LowerBound
 
 
+class ParameterWorth(NamedTuple):
+    """What a motion is worth for one parameter: plain numbers, as tables and files have them.
+
+    Attributes:
+        J: error of least squares of exact signals, (16), in the unit of the parameter.
+        guaranteed: error that the log can be expected to guarantee, in that unit.
+        floor: what no motion and no estimator can promise to go below, in that unit.
+        gap: guaranteed / floor − 1.
+    """
+
+    J: float
+    guaranteed: float
+    floor: float
+    gap: float
+
+
 class Evaluation(NamedTuple):
     """Of one motion, shape (m,) each, in the units of the parameters.
 
@@ -35,6 +51,13 @@ class Evaluation(NamedTuple):
     def gap(self) -> Float[Array, " m"]:
         """By how much of the floor the guaranteed error is above it."""
         return self.guaranteed / self.floor - 1
+
+    @property
+    def by_parameter(self) -> tuple[ParameterWorth, ...]:
+        """The same, one parameter after the other."""
+        columns = (self.error, self.guaranteed, self.floor, self.gap)
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        return tuple(ParameterWorth(*row) for row in rows)
 
 
 def evaluate(

@@ -1,14 +1,18 @@
-"""Files out and in: CSV with 17 digits, netCDF; written to a temporary name and renamed."""
+"""Files out and in: CSV with 17 digits, JSON, netCDF; one file is written whole or not at all.
+
+What is made of data are bytes, so that all files of a result exist before the first one is written
+(`jaxid.io.results`).
+"""
 
 import csv
-import json
+import io
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
@@ -39,39 +43,58 @@ def write_bytes(path: Path, data: bytes) -> None:
         raise
 
 
-def write_table(path: Path, header: Sequence[str], rows: Iterable[Mapping[str, Cell]]) -> None:
+def table_bytes(header: Sequence[str], rows: Iterable[Mapping[str, Cell]]) -> bytes:
     """A CSV table; numbers keep the digits they have, None is an empty cell."""
     lines = [",".join(header)]
     for row in rows:
         lines.append(",".join(_cell(row[name]) for name in header))
-    write_bytes(path, ("\n".join(lines) + "\n").encode())
+    return ("\n".join(lines) + "\n").encode()
 
 
-def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    """One result, for other programs; numbers keep the digits they have."""
-    write_bytes(path, (json.dumps(data, indent=2, ensure_ascii=False) + "\n").encode())
+def write_table(path: Path, header: Sequence[str], rows: Iterable[Mapping[str, Cell]]) -> None:
+    """Write `table_bytes`."""
+    write_bytes(path, table_bytes(header, rows))
+
+
+def json_bytes(data: msgspec.Struct) -> bytes:
+    """A structure for other programs; numbers keep their digits, null stands for no finite one."""
+    return msgspec.json.format(msgspec.json.encode(data), indent=2) + b"\n"
 
 
 def read_table(path: Path) -> list[dict[str, str]]:
     """The rows of a CSV table, as text."""
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
+    return table_in(path.read_bytes())
 
 
-def write_trajectory(path: Path, trajectory: JerkTrajectory, coordinate: str = "linear") -> None:
-    """One row per knot; the jerk of a row holds until the next, that of the last row is zero."""
+def table_in(data: bytes) -> list[dict[str, str]]:
+    """The rows of a CSV table that was read already, as text."""
+    return list(csv.DictReader(io.StringIO(data.decode(), newline="")))
+
+
+def trajectory_bytes(trajectory: JerkTrajectory, coordinate: str = "linear") -> bytes:
+    """A CSV table of knots; the jerk of a row holds until the next, and the last one is zero."""
     y, v, a = (np.asarray(x) for x in trajectory.knot_states())
     jerk = np.append(np.asarray(trajectory.jerk), 0.0)
     # multiples of a period are written as such, not as sums of rounded ones
     time = np.asarray(trajectory.knot_times()).round(12)
     columns = dict(zip(trajectory_header(coordinate), (time, y, v, a, jerk), strict=True))
     rows = ({name: float(x[k]) for name, x in columns.items()} for k in range(len(time)))
-    write_table(path, list(columns), rows)
+    return table_bytes(list(columns), rows)
+
+
+def write_trajectory(path: Path, trajectory: JerkTrajectory, coordinate: str = "linear") -> None:
+    """Write `trajectory_bytes`."""
+    write_bytes(path, trajectory_bytes(trajectory, coordinate))
 
 
 def read_trajectory(path: Path, coordinate: str = "linear") -> JerkTrajectory:
     """The motion that a file holds, from its times, its first state and its jerk alone."""
-    rows = read_table(path)
+    return trajectory_in(path.read_bytes(), path, coordinate)
+
+
+def trajectory_in(data: bytes, path: Path, coordinate: str = "linear") -> JerkTrajectory:
+    """The motion of a file that was read already; its path is named if it holds none."""
+    rows = table_in(data)
     header = trajectory_header(coordinate)
     require(
         len(rows) > 1 and all(row.get(name) for row in rows for name in header),
@@ -96,11 +119,16 @@ def trajectory_header(coordinate: str = "linear") -> tuple[str, ...]:
     return ("time_s", *(f"{name}_{suffix}" for name, suffix in zip(STATES, suffixes, strict=True)))
 
 
-def write_dataset(path: Path, dataset: xr.Dataset) -> None:
+def dataset_bytes(dataset: xr.Dataset) -> bytes:
     """NetCDF (HDF5), compressed without loss; the same data set makes the same bytes."""
     packed = {"zlib": True, "complevel": 9, "shuffle": True}
     encoding = dict.fromkeys(dataset.data_vars, packed)
-    write_bytes(path, bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)))
+    return bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding))
+
+
+def write_dataset(path: Path, dataset: xr.Dataset) -> None:
+    """Write `dataset_bytes`."""
+    write_bytes(path, dataset_bytes(dataset))
 
 
 def read_dataset(path: Path) -> xr.Dataset:

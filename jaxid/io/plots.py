@@ -52,11 +52,16 @@ def figure(
     return canvas, list(panels)
 
 
-def save(canvas: Figure, path: Path) -> None:
-    """Write a PNG whole or not at all; one that already has these bytes is left untouched."""
+def png(canvas: Figure) -> bytes:
+    """The bytes of a picture; the same drawing makes the same ones."""
     buffer = io.BytesIO()
     canvas.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-    write_bytes(path, buffer.getvalue())
+    return buffer.getvalue()
+
+
+def save(canvas: Figure, path: Path) -> None:
+    """Write a PNG whole or not at all; one that already has these bytes is left untouched."""
+    write_bytes(path, png(canvas))
 
 
 def label(panel: Axes, x: str, y: str, title: str = "") -> None:

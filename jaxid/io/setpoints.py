@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from scipy.io import loadmat, savemat
 
 from jaxid._checks import require
-from jaxid.io.files import read_table, trajectory_header, write_bytes, write_table
+from jaxid.io.files import table_bytes, table_in, trajectory_header, write_bytes
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, ticks
 
@@ -66,13 +66,26 @@ def write_setpoints(path: Path, setpoints: Setpoints, coordinate: str = "linear"
             array of C, one row per tick).
         setpoints: to write.
         coordinate: linear or rotary, for the units.
+
+    Raises:
+        ValueError: if the ending is another one.
     """
-    _by_ending(path, _WRITERS)(path, setpoints, coordinate)
+    write_bytes(path, setpoint_bytes(path, setpoints, coordinate))
+
+
+def setpoint_bytes(path: Path, setpoints: Setpoints, coordinate: str = "linear") -> bytes:
+    """What `write_setpoints` writes into a file of this name."""
+    return _by_ending(path, _WRITERS)(setpoints, coordinate)
 
 
 def read_setpoints(path: Path, coordinate: str = "linear") -> Setpoints:
     """What a file of `write_setpoints` holds."""
-    return Setpoints(*_by_ending(path, _READERS)(path, coordinate))
+    return setpoints_in(path.read_bytes(), path, coordinate)
+
+
+def setpoints_in(data: bytes, path: Path, coordinate: str = "linear") -> Setpoints:
+    """What the bytes of a file of this name hold, whether it is on a disk or not."""
+    return Setpoints(*_by_ending(path, _READERS)(data, path, coordinate))
 
 
 def _left(values: Float[np.ndarray, "..."], interval: Float[Array, "2"]) -> float:
@@ -80,22 +93,22 @@ def _left(values: Float[np.ndarray, "..."], interval: Float[Array, "2"]) -> floa
     return float(min(np.min(values) - low, high - np.max(values)) / ((high - low) / 2))
 
 
-def _write_csv(path: Path, setpoints: Setpoints, coordinate: str) -> None:
+def _csv(setpoints: Setpoints, coordinate: str) -> bytes:
     header = trajectory_header(coordinate)[:4]
     rows = (dict(zip(header, map(float, row), strict=True)) for row in np.stack(setpoints, axis=1))
-    write_table(path, header, rows)
+    return table_bytes(header, rows)
 
 
-def _write_mat(path: Path, setpoints: Setpoints, coordinate: str) -> None:
+def _mat(setpoints: Setpoints, coordinate: str) -> bytes:
     buffer = io.BytesIO()
     # files are welcome there, whatever its stub says
     savemat(buffer, {VARIABLE: np.stack(setpoints)})  # pyright: ignore[reportArgumentType]
     # without the date in its text, the same motion makes the same bytes
     text = b"MATLAB 5.0 MAT-file, rows: " + ", ".join(trajectory_header(coordinate)[:4]).encode()
-    write_bytes(path, text.ljust(116) + buffer.getvalue()[116:])
+    return text.ljust(116) + buffer.getvalue()[116:]
 
 
-def _write_header(path: Path, setpoints: Setpoints, coordinate: str) -> None:
+def _header(setpoints: Setpoints, coordinate: str) -> bytes:
     table = np.stack(setpoints, axis=1)
     names = ", ".join(trajectory_header(coordinate)[:4])
     rows = [f"    {{{', '.join(f'{x:.17g}' for x in row)}}}," for row in table]
@@ -106,11 +119,11 @@ def _write_header(path: Path, setpoints: Setpoints, coordinate: str) -> None:
         *rows,
         "};",
     ]
-    write_bytes(path, ("\n".join(lines) + "\n").encode())
+    return ("\n".join(lines) + "\n").encode()
 
 
-def _read_csv(path: Path, coordinate: str) -> Float[np.ndarray, "4 samples"]:
-    rows, header = read_table(path), trajectory_header(coordinate)[:4]
+def _read_csv(data: bytes, path: Path, coordinate: str) -> Float[np.ndarray, "4 samples"]:
+    rows, header = table_in(data), trajectory_header(coordinate)[:4]
     require(
         bool(rows) and set(header) <= set(rows[0]),
         f"Argument `path`: {path} must have the columns {list(header)}.",
@@ -118,16 +131,17 @@ def _read_csv(path: Path, coordinate: str) -> Float[np.ndarray, "4 samples"]:
     return np.array([[float(row[name]) for row in rows] for name in header])
 
 
-def _read_mat(path: Path, coordinate: str) -> Float[np.ndarray, "4 samples"]:
-    return loadmat(path)[VARIABLE]
+def _read_mat(data: bytes, path: Path, coordinate: str) -> Float[np.ndarray, "4 samples"]:
+    # files are welcome there, whatever its stub says
+    return loadmat(io.BytesIO(data))[VARIABLE]  # pyright: ignore[reportArgumentType]
 
 
-_WRITERS: Mapping[str, Callable[[Path, Setpoints, str], None]] = {
-    ".csv": _write_csv,
-    ".mat": _write_mat,
-    ".h": _write_header,
+_WRITERS: Mapping[str, Callable[[Setpoints, str], bytes]] = {
+    ".csv": _csv,
+    ".mat": _mat,
+    ".h": _header,
 }
-_READERS: Mapping[str, Callable[[Path, str], Float[np.ndarray, "4 samples"]]] = {
+_READERS: Mapping[str, Callable[[bytes, Path, str], Float[np.ndarray, "4 samples"]]] = {
     ".csv": _read_csv,
     ".mat": _read_mat,
 }

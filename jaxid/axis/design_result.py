@@ -1,0 +1,145 @@
+"""What is written and said of a designed motion: for the servo, for other programs, for people."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import ClassVar
+
+import msgspec
+import numpy as np
+
+from jaxid._checks import require
+from jaxid.axis.design import ALL, FACTORS, WANTED, AxisDesign, lead_in, played
+from jaxid.axis.file import PROGRAM, Axis
+from jaxid.axis.result import Result
+from jaxid.axis.summaries import DesignedParameter, DesignSummary
+from jaxid.design.nominal_log import nominal_log
+from jaxid.identification.assumptions import assumptions
+from jaxid.io import plots
+from jaxid.io.files import json_bytes, trajectory_bytes
+from jaxid.io.setpoints import margins, sampled, setpoint_bytes, setpoints_in
+
+_SETPOINTS = tuple(Path(name) for name in ("setpoints.csv", "setpoints.mat", "setpoints.h"))
+_TITLES = {ALL: "all parameters", WANTED: "the errors that are wanted"}
+_ROUNDED = 1e-6  # half-widths: what differences of rounded positions may be beyond
+
+
+@dataclass(frozen=True, eq=False)
+class DesignResult(Result):
+    """A designed motion, as files for a servo and for other programs, and as text.
+
+    Attributes:
+        found: the design.
+    """
+
+    found: AxisDesign
+    name: ClassVar[str] = "design"
+    names: ClassVar[tuple[str, ...]] = (
+        "trajectory.csv", *map(str, _SETPOINTS), "design.json", "design.png",
+    )  # fmt: skip
+
+    @property
+    def axis(self) -> Axis:
+        return self.found.axis
+
+    @cached_property
+    def setpoints(self) -> Mapping[Path, bytes]:
+        """The files that servos read."""
+        axis = self.found.axis
+        points = sampled(played(axis, self.found.motion), axis.servo.period)
+        return {path: setpoint_bytes(path, points, axis.system.coordinate) for path in _SETPOINTS}
+
+    @cached_property
+    def margins(self) -> Mapping[str, float]:
+        """What the exported positions, read back, leave of each limit, in half-widths.
+
+        Raises:
+            ValueError: if they leave less than nothing.
+        """
+        axis, path = self.found.axis, _SETPOINTS[0]
+        read = setpoints_in(self.setpoints[path], path, axis.system.coordinate)
+        left = margins(read, axis.task.limits)
+        require(
+            min(left.values()) >= -_ROUNDED,
+            f"The exported positions leave the limits: {left}, in half-widths.",
+        )
+        return left
+
+    def summary(self) -> DesignSummary:
+        found = self.found
+        axis, system, motion = found.axis, found.axis.system, found.motion
+        begins = float(lead_in(axis, motion.start).duration)
+        log = nominal_log(system, motion, axis.servo)
+        return DesignSummary(
+            program=PROGRAM,
+            axis_sha256=axis.digest,
+            target=found.target,
+            search=found.search,
+            begins_s=begins,
+            ends_s=begins + float(motion.duration),
+            parameters={name: _parameter(found, k) for k, name in enumerate(system.names)},
+            margins=dict(self.margins),
+            rests_on=assumptions(system, log, delay=axis.servo.delay),
+        )
+
+    def files(self) -> Mapping[str, bytes]:
+        found = self.found
+        return {
+            "trajectory.csv": trajectory_bytes(found.motion, found.axis.system.coordinate),
+            **{str(path): data for path, data in self.setpoints.items()},
+            "design.json": json_bytes(self.summary()),
+            "design.png": page(found),
+        }
+
+    def text(self) -> str:
+        found = self.found
+        system, worth, wanted = found.axis.system, found.worth, found.axis.wanted.tolist()
+        header = ["parameter", "unit", *worth.by_parameter[0]._fields, "with 2·δ"]
+        twice = found.sensitivity[FACTORS.index(2.0)].tolist()
+        columns: list[list[float | None]] = [
+            *map(list, zip(*worth.by_parameter, strict=True)),
+            twice,
+        ]
+        if np.any(np.isfinite(wanted)):
+            header.append("wanted")
+            columns.append([None if np.isinf(x) else x for x in wanted])
+        rows = list(zip(system.names, system.units, *columns, strict=True))
+        left = ", ".join(f"{name} {x:.2%}" for name, x in self.margins.items())
+        title = "What its log can be expected to prove"
+        return f"{plots.text_table(header, rows, title)}\nLeft of the limits: {left}"
+
+
+def _parameter(found: AxisDesign, k: int) -> DesignedParameter:
+    system, wanted = found.axis.system, float(found.axis.wanted[k])
+    return DesignedParameter(
+        unit=system.units[k],
+        interval=(float(system.lower[k]), float(system.upper[k])),
+        **found.worth.by_parameter[k]._asdict(),
+        guaranteed_with_delta_times={
+            f"{factor:g}": float(row[k])
+            for factor, row in zip(FACTORS, found.sensitivity, strict=True)
+        },
+        wanted=msgspec.UNSET if np.isinf(wanted) else wanted,
+    )
+
+
+def page(found: AxisDesign) -> bytes:
+    """What is played within its limits, and what the log of the motion can be expected to leave."""
+    axis, worth = found.axis, found.worth
+    canvas, panels = plots.figure(2, 2, (11.0, 7.0))
+    title = f"motion for {_TITLES.get(found.target, found.target)}"
+    limits, whole = np.asarray(axis.task.limits.motion), played(axis, found.motion)
+    plots.motion(panels[:3], whole, limits, title, axis.system.coordinate)
+    before = float(whole.duration - found.motion.duration)
+    for panel in panels[: 3 if before else 0]:
+        panel.axvspan(0.0, before, color=plots.GREY, alpha=0.2, linewidth=0)
+    if before:
+        panels[0].set_title(f"{title}; grey: its approach", fontsize=12)
+    panels[1].set_xlabel("time (s)", fontsize=12)
+    box = np.asarray(axis.system.half_widths)
+    kinds = {"least squares": worth.error, "guaranteed": worth.guaranteed, "floor": worth.floor}
+    shares = {kind: np.asarray(error) / box for kind, error in kinds.items()}
+    plots.bars(panels[3], axis.system.names, shares, 1.0, np.asarray(axis.wanted) / box)
+    plots.label(panels[3], "", "error, of the prior half-width")
+    return plots.png(canvas)

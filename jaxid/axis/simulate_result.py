@@ -1,0 +1,106 @@
+"""What is written and said of random axes that tracked a motion."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Array
+
+from jaxid.axis.design_result import DesignResult
+from jaxid.axis.file import PROGRAM, Axis
+from jaxid.axis.result import Result
+from jaxid.axis.simulate import DRAWN, SUBSTEPS, Simulated
+from jaxid.axis.summaries import HalfLength, SimulatedLimit, SimulationSummary
+from jaxid.identification.assumptions import assumptions
+from jaxid.io import plots
+from jaxid.io.files import UNITS, json_bytes
+
+
+@dataclass(frozen=True, eq=False)
+class SimulateResult(Result):
+    """What random axes did along a motion, beside the design in the same folder.
+
+    Attributes:
+        found: what they did.
+        design: digest of the design in the same folder, whose motion they tracked.
+    """
+
+    found: Simulated
+    design: str
+    name: ClassVar[str] = "simulate"
+    names: ClassVar[tuple[str, ...]] = ("simulation.json", "simulation.png")
+
+    @property
+    def axis(self) -> Axis:
+        return self.found.axis
+
+    @property
+    def results(self) -> dict[str, str]:
+        return {DesignResult.name: self.design}
+
+    def summary(self) -> SimulationSummary:
+        found = self.found
+        system = found.axis.system
+        lengths = np.median(found.half_lengths, axis=0), np.max(found.half_lengths, axis=0)
+        return SimulationSummary(
+            program=PROGRAM,
+            axis_sha256=found.axis.digest,
+            seed=found.seed,
+            plants=found.plants,
+            limits={
+                name: SimulatedLimit(
+                    beyond=int(np.sum(worst > 0)), least_margin=-float(np.max(worst))
+                )
+                for name, worst in found.excess.items()
+            },
+            logs=len(found.half_lengths),
+            logs_with_a_truth_outside=found.outside,
+            half_length={
+                name: HalfLength(unit=unit, median=float(median), most=float(most))
+                for name, unit, median, most in zip(
+                    system.names, system.units, *lengths, strict=True
+                )
+            },
+            rests_on=assumptions(system, found.log, delay=found.axis.servo.delay),
+        )
+
+    def files(self) -> Mapping[str, bytes]:
+        return {"simulation.json": json_bytes(self.summary()), "simulation.png": page(self.found)}
+
+    def text(self) -> str:
+        said = self.summary()
+        margins = [(name, one.beyond, one.least_margin) for name, one in said.limits.items()]
+        lengths = [(name, x.unit, x.median, x.most) for name, x in said.half_length.items()]
+        outside = f"outside of them: {said.logs_with_a_truth_outside} truths"
+        title = f"Half of the intervals that {said.logs} logs prove; {outside}"
+        return "\n".join(
+            (
+                f"{said.plants} axes, seed {said.seed}: evidence, no proof",
+                plots.text_table(("limit", "axes beyond it", "least margin"), margins),
+                plots.text_table(("parameter", "unit", "median", "most"), lengths, title),
+                "They rest on:",
+                *(f"  {sentence}" for sentence in said.rests_on),
+            )
+        )
+
+
+def page(found: Simulated) -> bytes:
+    """Tracking error, velocity and input of some plants."""
+    axis, drawn = found.axis, found.drawn
+    unit, limits = UNITS[axis.system.coordinate], axis.task.limits
+    canvas, panels = plots.figure(1, 3, (12.0, 4.2))
+    instants = np.asarray(drawn.time[0])
+    error = drawn.position - found.played.states(drawn.time[0]).position[None]
+    ticks_at = instants[:-1:SUBSTEPS]
+    views: tuple[tuple[str, np.ndarray, Array, Array | None], ...] = (
+        (f"position less the motion's ({unit})", instants, error, None),
+        (f"velocity ({unit}/s)", instants, drawn.velocity, limits.velocity),
+        (f"input ({axis.system.input_unit})", ticks_at, drawn.input, limits.input),
+    )
+    for panel, (name, time, values, interval) in zip(panels, views, strict=True):
+        panel.plot(time, np.asarray(values[:DRAWN]).T, linewidth=0.7, alpha=0.7)
+        if interval is not None:
+            plots.limit_lines(panel, interval.tolist())
+        plots.label(panel, "time (s)", name)
+    return plots.png(canvas)

@@ -1,0 +1,126 @@
+"""What is written and said of many closed loops of an axis of a file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from jaxid.axis.file import Axis
+from jaxid.axis.result import Result
+from jaxid.axis.sweep import Sweep
+from jaxid.io import plots
+from jaxid.io.files import dataset_bytes
+from jaxid.sweep.dataset import names
+
+_USUAL = "× 1"
+
+
+class SweepRow(NamedTuple):
+    """For one motion and parameter, the bandwidth with the least of the worst J_f.
+
+    Attributes:
+        target: that the motion was designed for.
+        duration: of the motion without its approach, s.
+        parameter: its name.
+        bandwidth: w of H_f, rad/s.
+        worst: J_f of the worst scenario with it, in the unit.
+        unit: of the parameter.
+    """
+
+    target: str
+    duration: float
+    parameter: str
+    bandwidth: float
+    worst: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult(Result):
+    """Many closed loops as one data set, beside the designs whose motions they are.
+
+    Attributes:
+        found: the closed loops.
+    """
+
+    found: Sweep
+    name: ClassVar[str] = "sweep"
+    names: ClassVar[tuple[str, ...]] = ("sweep.nc", "sweep_bound.png", "sweep_tracking.png")
+
+    @property
+    def axis(self) -> Axis:
+        return self.found.axis
+
+    @property
+    def results(self) -> dict[str, str]:
+        return {where: one.part.digest for where, one in self.found.saved.designs.items()}
+
+    def summary(self) -> tuple[SweepRow, ...]:
+        data = self.found.data
+        usual = data.sel(gains=_usual(data)).bound.max("scenario")
+        rows = []
+        for design in names(data.design):
+            for time in data.horizon.values:
+                own = usual.sel(design=design, horizon=time)
+                if bool(own.isnull().all()):
+                    continue
+                for name, unit in zip(names(data.parameter), data.unit.values, strict=True):
+                    best = own.sel(parameter=name)
+                    w, worst = float(best.idxmin("bandwidth")), float(best.min())
+                    rows.append(SweepRow(design, float(time), name, w, worst, str(unit)))
+        return tuple(rows)
+
+    def files(self) -> Mapping[str, bytes]:
+        data = self.found.data
+        contents = dataset_bytes(data), bounds_page(data), tracking_page(data)
+        return dict(zip(self.names, contents, strict=True))
+
+    def text(self) -> str:
+        data = self.found.data
+        header = ("designed for", "duration_s", "parameter", "best w (rad/s)", "worst J_f", "unit")
+        title = f"Least squares, worst of all scenarios, gains {_usual(data)}"
+        table = plots.text_table(header, self.summary(), title)
+        count = int(data.tracking_error.count())
+        diverged = int(np.isinf(data.tracking_error).sum())
+        loops = f"{count} closed loops, seed {data.seed}; {diverged} diverge."
+        kept = data.outside.where(np.isfinite(data.tracking_error))
+        share = f"{float(kept.mean()):.1%}"
+        misses = f"J_f is no guarantee: θ is outside of θ̂ ± J_f in {share} of cases."
+        return f"{table}\n{loops}\n{misses}"
+
+
+def bounds_page(found: xr.Dataset) -> bytes:
+    """The worst J_f of each parameter over all scenarios, by motion and bandwidth."""
+    parameters = names(found.parameter)
+    canvas, panels = plots.figure(len(parameters), 1, (8.0, 2.4 * len(parameters)))
+    for panel, name in zip(panels, parameters, strict=True):
+        own = found.sel(gains=_usual(found), parameter=name)
+        percent = 100 * (own.bound.max("scenario") / own.half_width)
+        table = percent.stack(motion=("design", "horizon")).dropna("motion", how="all")
+        rows = [f"{design}, {time:g} s" for design, time in table.motion.values]
+        values = table.transpose("motion", "bandwidth").values
+        plots.heat_map(panel, values, rows, names(found.bandwidth), "{:.1f}", highest=100.0)
+        plots.label(panel, "", "", f"worst $J_f$ of {name}, % of half its prior interval")
+    canvas.suptitle("motion by bandwidth; orange: the interval is not reduced", fontsize=12)
+    panels[-1].set_xlabel("bandwidth w of the filter (rad/s)", fontsize=12)
+    return plots.png(canvas)
+
+
+def tracking_page(found: xr.Dataset) -> bytes:
+    """Peak tracking error over gains and scenarios, at most over all motions."""
+    canvas, (panel,) = plots.figure(1, 1, (9.0, 1.8 + 0.7 * found.gains.size))
+    worst = found.tracking_error.max(["design", "horizon"]).transpose("gains", "scenario")
+    rows, columns = names(found.gains), names(found.scenario)
+    plots.heat_map(panel, worst.values, rows, columns, "{:.1e}", logarithmic=True)
+    unit = found.tracking_error.attrs["units"]
+    plots.label(panel, "", "gains", f"largest tracking error, {unit} (∞: the loop diverges)")
+    panel.set_xticklabels(columns, rotation=25, ha="right")
+    return plots.png(canvas)
+
+
+def _usual(found: xr.Dataset) -> str:
+    """The gains of the file, or those nearest to the beginning."""
+    gains = names(found.gains)
+    return _USUAL if _USUAL in gains else gains[0]

@@ -1,0 +1,80 @@
+"""What is written and said of motions of several durations, for several targets."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import cycle
+from typing import ClassVar
+
+import msgspec
+
+from jaxid.axis.file import Axis
+from jaxid.axis.result import Result
+from jaxid.axis.summaries import TradeoffRow
+from jaxid.axis.tradeoff import Tradeoff, duration_of
+from jaxid.io import plots
+from jaxid.io.files import table_bytes
+
+_COLUMNS = TradeoffRow.__struct_fields__
+
+
+@dataclass(frozen=True, eq=False)
+class TradeoffResult(Result):
+    """Designs to choose from, compared in one table and one picture.
+
+    Attributes:
+        found: the designs.
+    """
+
+    found: Tradeoff
+    name: ClassVar[str] = "tradeoff"
+    names: ClassVar[tuple[str, ...]] = ("tradeoff.csv", "tradeoff.png")
+
+    @property
+    def axis(self) -> Axis:
+        return self.found.axis
+
+    @property
+    def results(self) -> dict[str, str]:
+        return self.found.results
+
+    def summary(self) -> tuple[TradeoffRow, ...]:
+        return tuple(
+            TradeoffRow(
+                target=one.target,
+                duration_s=duration_of(one.axis),
+                parameter=name,
+                unit=unit,
+                **worth._asdict(),
+            )
+            for one in self.found.designs
+            for name, unit, worth in zip(
+                one.axis.system.names, one.axis.system.units, one.worth.by_parameter, strict=True
+            )
+        )
+
+    def files(self) -> Mapping[str, bytes]:
+        rows = map(msgspec.structs.asdict, self.summary())
+        return {"tradeoff.csv": table_bytes(_COLUMNS, rows), "tradeoff.png": page(self.found)}
+
+    def text(self) -> str:
+        cells = [msgspec.structs.astuple(row) for row in self.summary()]
+        return plots.text_table(_COLUMNS, cells, "What their logs can be expected to prove")
+
+
+def page(found: Tradeoff) -> bytes:
+    """What is guaranteed of each parameter over the duration, one line per target."""
+    designs, system = found.designs, found.axis.system
+    targets = list(dict.fromkeys(one.target for one in designs))
+    count = len(system.names)
+    canvas, panels = plots.figure(1, count, (3.4 * count, 3.8))
+    for k, (panel, name, unit) in enumerate(zip(panels, system.names, system.units, strict=True)):
+        for target, colour in zip(targets, cycle(plots.CYCLE), strict=False):
+            own = [one for one in designs if one.target == target]
+            time = [duration_of(one.axis) for one in own]
+            error = [float(one.worth.guaranteed[k]) for one in own]
+            panel.plot(time, error, "o-", color=colour, label=f"for {target}")
+        least = float(designs[0].worth.floor[k])
+        panel.axhline(least, color=plots.GREY, linestyle="--", linewidth=1.2, label="floor")
+        plots.label(panel, "duration (s)", f"guaranteed ± ({unit})", name)
+    panels[0].legend(fontsize=10)
+    return plots.png(canvas)

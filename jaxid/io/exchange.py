@@ -1,0 +1,235 @@
+"""A folder replaced as a whole: whoever is killed when, it is the old one or the new one.
+
+The new one is made beside the old one and takes its place in one step: `renameat2` of Linux with
+RENAME_EXCHANGE. Where there is no such step (another system, NFS) the old one is renamed away and
+the new one in: between the two there is none, for an instant, or until the next reader or writer
+puts it back if the process is killed just then. Neither way is there ever a mixture of the two.
+"""
+
+import ctypes
+import errno
+import glob
+import os
+import secrets
+import shutil
+import sys
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from jaxid.io.locks import alone_in
+from jaxid.io.manifest import MANIFEST, manifest_in
+
+# Beside a folder: one that is not finished or not needed, and one that was replaced. Only a process
+# that was killed leaves them, for the next one to tidy up.
+_REFUSE, _OLD = "jaxid-new", "jaxid-old"
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2  # of linux/fcntl.h and linux/fs.h
+_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)  # the last: a sandbox
+
+
+def is_left_over(name: str) -> bool:
+    """Whether a folder of this name was left by a process that was killed."""
+    return name.startswith(".") and any(f".{kind}-" in name for kind in (_REFUSE, _OLD))
+
+
+@contextmanager
+def alone_and_tidy(folder: Path) -> Iterator[None]:
+    """While this process alone writes a folder; what killed ones left beside it is tidied up."""
+    with alone_in(folder) as alone:
+        if alone:  # otherwise it may be somebody's who is writing
+            with suppress(OSError):
+                _tidy(folder)
+        yield
+
+
+def recover(folder: Path) -> None:
+    """Put a folder back whose replacement was killed between the two renames.
+
+    Raises:
+        FileNotFoundError: if it must be put back by hand, since no folder can be locked here.
+    """
+    if folder.exists() or not (old := _left_over(folder, _OLD)):
+        return
+    with alone_and_tidy(folder):
+        if not folder.exists():
+            raise FileNotFoundError(
+                f"Folder {folder} is missing, since a run that replaced it was killed: rename "
+                f"{old[0]}, which is what it was."
+            )
+
+
+def exchange(
+    folder: Path, files: Mapping[str, bytes], leave: Collection[str], *, fresh: bool
+) -> None:
+    """Make a folder one of these files and of all that it holds already, but for some of that.
+
+    What is carried over are the same files under another link, with their dates; folders in it are
+    made anew, with the same files.
+
+    Args:
+        folder: an absolute path; this process is `alone_and_tidy` there.
+        files: by name.
+        leave: names of what is not carried over.
+        fresh: there was no such folder when it was found that it may be written.
+
+    Raises:
+        FileExistsError: if there is one now.
+        OSError: if it cannot be done; the folder is the old one then, or the new one if all that
+            failed is to tidy up.
+    """
+    new, old = _beside(folder, _REFUSE), _beside(folder, _OLD)
+    try:
+        new.mkdir()
+        for name, data in files.items():
+            _write(new / name, data)
+        if not fresh:
+            shutil.copymode(folder, new)
+            _carry(folder, new, leave)
+        for place, _, _ in os.walk(new):
+            _sync(Path(place))
+        if fresh:
+            _appear(new, folder)
+        else:
+            _swap(new, folder, old)
+    except BaseException:
+        _remove(new)
+        raise
+    _sync(folder.parent)
+    if not fresh:
+        with suppress(OSError):  # then the next one does
+            _retire(old, folder)
+
+
+def _appear(new: Path, folder: Path) -> None:
+    """Give a new folder its name."""
+    try:
+        new.rename(folder)
+    except OSError as error:
+        if error.errno in (errno.ENOTEMPTY, errno.EEXIST):
+            raise FileExistsError(
+                f"Folder {folder} was written by another run in the meantime; nothing of this one "
+                "was written."
+            ) from None
+        raise
+
+
+def _swap(new: Path, folder: Path, old: Path) -> None:
+    """Put a new folder into the place of another, which is renamed."""
+    if _exchanged(new, folder):
+        new.rename(old)
+        return
+    try:
+        folder.rename(old)
+        new.rename(folder)
+    except BaseException:
+        if not folder.exists():
+            old.rename(folder)
+        raise
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Whether two folders have changed places in one step; false if the system has none."""
+    if sys.platform != "linux":
+        return False
+    renameat2 = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if renameat2 is None:
+        return False
+    paths = (_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other))
+    if renameat2(*paths, ctypes.c_uint(_RENAME_EXCHANGE)) == 0:
+        return True
+    code = ctypes.get_errno()
+    if code in _NO_EXCHANGE:
+        return False
+    raise OSError(code, os.strerror(code), str(one), None, str(other))
+
+
+def _tidy(folder: Path) -> None:
+    """Do what killed processes left to do beside a folder."""
+    for old in _left_over(folder, _OLD):
+        if folder.exists():
+            _retire(old, folder)
+        else:
+            old.rename(folder)
+    for refuse in _left_over(folder, _REFUSE):
+        _remove(refuse)
+
+
+def _retire(old: Path, folder: Path) -> None:
+    """Remove what was replaced, after what a user put into it meanwhile."""
+    _rescue(old, folder)
+    refuse = _beside(folder, _REFUSE)
+    old.rename(refuse)  # a half of it must not be taken for a folder that was replaced
+    _remove(refuse)
+
+
+def _carry(old: Path, new: Path, leave: Collection[str] = ()) -> None:
+    """Put everything of one folder into another, too."""
+    for entry in old.iterdir():
+        target = new / entry.name
+        if entry.name in leave:
+            continue
+        if _is_folder(entry):
+            target.mkdir()
+            _carry(entry, target)
+            shutil.copystat(entry, target)
+        else:
+            _link(entry, target)
+
+
+def _rescue(old: Path, new: Path) -> None:
+    """Move what the new folder has not, or has an older one of: a user was quick."""
+    known = [manifest_in(place) for place in (old, new)]
+    written = {MANIFEST}.union(*(one.files for one in known if one))
+    for entry in old.iterdir():
+        target = new / entry.name
+        if entry.name in written:
+            continue
+        if _is_folder(entry) and _is_folder(target):
+            _rescue(entry, target)
+        elif not os.path.lexists(target) or entry.lstat().st_mtime_ns > target.lstat().st_mtime_ns:
+            entry.replace(target)
+
+
+def _link(old: Path, new: Path) -> None:
+    """The same file under another name; a copy where files have one name only."""
+    try:
+        os.link(old, new, follow_symlinks=False)
+    except OSError:
+        shutil.copy2(old, new, follow_symlinks=False)
+        if not new.is_symlink():
+            _sync(new)
+
+
+def _is_folder(path: Path) -> bool:
+    return path.is_dir() and not path.is_symlink()
+
+
+def _write(path: Path, data: bytes) -> None:
+    """So that it is on the disk before its name is in the folder."""
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _sync(path: Path) -> None:
+    """Have the names of a folder, or the bytes of a file, on the disk; Windows has no way to."""
+    if os.name == "nt":
+        return
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _beside(folder: Path, kind: str) -> Path:
+    return folder.with_name(f".{folder.name}.{kind}-{secrets.token_hex(4)}")
+
+
+def _left_over(folder: Path, kind: str) -> list[Path]:
+    return sorted(folder.parent.glob(f".{glob.escape(folder.name)}.{kind}-*"))
+
+
+def _remove(folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,192 @@
+"""Results as folders: what one run of a command writes is one thing, with a manifest, or nothing.
+
+A folder may hold what several commands wrote, each replaced by itself (`simulate` puts its files
+beside those of `design`): a part of it, in the words of `jaxid.io.manifest`. To write one, the
+folder is made anew and exchanged as a whole (`jaxid.io.exchange`):
+
+- the files of that part, and a manifest that says so;
+- those of other parts as they are, unless they rest on what is replaced: what was simulated of a
+  motion goes with the motion;
+- all others: they are the user's, and stay, with the folders in it.
+
+Of two processes that write the same at the same time one comes first. The second is refused, or
+replaces what the first wrote if it is allowed to; of parts with different names both are kept.
+"""
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import msgspec
+
+from jaxid._checks import require
+from jaxid.io.exchange import alone_and_tidy, exchange, is_left_over, recover
+from jaxid.io.files import json_bytes
+from jaxid.io.manifest import MANIFEST, Manifest, Part, manifest_in, sha256
+
+_SHOWN = 5  # files that are named
+
+
+def write_result(
+    folder: Path, name: str, part: Part, files: Mapping[str, bytes], *, replace: bool = False
+) -> Part:
+    """Write the files of a part, all of them or, if it fails or is killed, none.
+
+    Args:
+        folder: to write into; it may be new.
+        name: of the part.
+        part: what to say of it; its `files` are filled in.
+        files: by name.
+        replace: files that are there, and what rests on them.
+
+    Raises:
+        ValueError: if something would be replaced that must not be, or a result that the part
+            rests on is not the one that was read any more.
+        OSError: if the disk refuses; the folder is what it was.
+    """
+    folder = folder.resolve()
+    part = msgspec.structs.replace(part, files={file: sha256(x) for file, x in files.items()})
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with alone_and_tidy(folder):
+        fresh = not folder.exists()
+        _require_unchanged(folder, part)
+        old = manifest_in(folder) or Manifest({})
+        kept = _kept(old, name, part)
+        manifest = Manifest({**kept, name: part})
+        gone = [*files, *sorted(old.files - manifest.files)]
+        _require_free(folder, gone, replace=replace, late=True)
+        data = {**files, MANIFEST: json_bytes(manifest)}
+        exchange(folder, data, {*gone, MANIFEST}, fresh=fresh)
+    return part
+
+
+def read_result(folder: Path, name: str) -> tuple[Part, dict[str, bytes]]:
+    """The files of a part, all as they were written.
+
+    Args:
+        folder: of a result.
+        name: of the part.
+
+    Returns:
+        The part, and its files by name.
+
+    Raises:
+        ValueError: if the folder has no such part, or one of its files was changed.
+    """
+    recover(folder.resolve())
+    while True:
+        part = _part(folder, name)
+        found = {file: _bytes(folder / file) for file in part.files}
+        if _part(folder, name) == part:  # it was not replaced between two files
+            break
+    for file, data in found.items():
+        changed = "removed" if data is None else "changed"
+        require(
+            data is not None and sha256(data) == part.files[file],
+            f"File {folder / file} was {changed} after the {name}: put it back as it was, or write "
+            f"the folder anew, by jaxid {name} --force.",
+        )
+    return part, {file: data for file, data in found.items() if data is not None}
+
+
+def require_writable(folder: Path, files: Collection[str], *, replace: bool) -> None:
+    """Refuse before a long computation what `write_result` would refuse after it.
+
+    Args:
+        folder: to write into.
+        files: names of what is to be written.
+        replace: what is there.
+
+    Raises:
+        ValueError: if files would be replaced that must not be, or the folder cannot be.
+    """
+    whole = folder.resolve()
+    recover(whole)
+    require(
+        not whole.exists() or whole.is_dir(),
+        f"{folder} must be a folder, or the name of a new one, but is a file.",
+    )
+    here = Path.cwd()
+    require(
+        not whole.exists() or whole not in (here, *here.parents),
+        f"Folder {folder} is replaced as a whole, and cannot be while you are in it: change to "
+        f"{whole.parent} first.",
+    )
+    require(
+        not whole.is_mount(),
+        f"Folder {folder} is replaced as a whole, and cannot be since it is a mount point: name a "
+        "folder in it.",
+    )
+    _require_free(folder, files, replace=replace)
+
+
+def _require_free(
+    folder: Path, files: Collection[str], *, replace: bool, late: bool = False
+) -> None:
+    """Refuse to replace files that are there, or to mix them with those of somebody else."""
+    there = [str(folder / name) for name in files if (folder / name).exists()]
+    quicker = " If they are new, another run was quicker; nothing of this one was written."
+    require(
+        replace or not there,
+        f"{', '.join(there)} would be replaced: allow it with --force.{quicker if late else ''}",
+    )
+    if replace or manifest_in(folder) or not folder.exists():
+        return
+    strange = [path.name for path in sorted(folder.iterdir()) if not _is_own(path)]
+    shown = ", ".join(strange[:_SHOWN]) + (", …" if len(strange) > _SHOWN else "")
+    require(
+        not strange,
+        f"Folder {folder} holds {shown}, which jaxid did not write: name another folder, or allow "
+        "with --force to add to it; what it holds is kept.",
+    )
+
+
+def _is_own(path: Path) -> bool:
+    """Whether it is a folder of a result, or what is left of one."""
+    return path.is_dir() and (is_left_over(path.name) or manifest_in(path) is not None)
+
+
+def _require_unchanged(folder: Path, part: Part) -> None:
+    """Refuse to put something beside what it was not made from."""
+    for where, digest in part.results.items():
+        place = folder / where
+        known = manifest_in(place.parent)
+        now = known.parts.get(place.name) if known else None
+        require(
+            now is not None and now.digest == digest,
+            f"The {place.name} in {place.parent} was replaced in the meantime; nothing was "
+            "written: start again.",
+        )
+
+
+def _part(folder: Path, name: str) -> Part:
+    """Of a folder, by its manifest."""
+    manifest = manifest_in(folder)
+    if manifest is None:
+        raise ValueError(
+            f"Folder {folder} must be one of jaxid {name}, but has no {MANIFEST} that can be read: "
+            f"write it anew, by jaxid {name}."
+        )
+    require(
+        name in manifest.parts,
+        f"Folder {folder} must be one of jaxid {name}, but by its {MANIFEST} it is one of jaxid "
+        f"{', '.join(manifest.parts)}.",
+    )
+    return manifest.parts[name]
+
+
+def _kept(old: Manifest, name: str, part: Part) -> dict[str, Part]:
+    """The other parts, but for those that rest on something else than is there now."""
+    now = {**part.results, name: part.digest}
+    return {
+        other: one
+        for other, one in old.parts.items()
+        if other != name
+        and all(now.get(where, digest) == digest for where, digest in one.results.items())
+    }
+
+
+def _bytes(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
