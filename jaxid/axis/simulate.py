@@ -110,9 +110,8 @@ def _signals(loop: Loop, scenarios: Scenarios, motion: JerkTrajectory) -> Signal
 
 def _log(axis: Axis, signals: Signals, k: int) -> Log:
     """Of plant k, as its servo would keep it."""
-    resolution, read = axis.servo.resolution, signals.position[k, ::_SUBSTEPS]
-    if resolution > 0:
-        read = Encoder(resolution).quantise(read)
+    resolution = axis.servo.resolution
+    read = Encoder(resolution).quantise(signals.position[k, ::_SUBSTEPS])
     return Log(signals.input[k], read, axis.servo.period, resolution)
 
 

@@ -1,12 +1,16 @@
 """What the controller and the log see of a motion: sensors, and a Record from measured signals."""
 
 import abc
+import functools
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
+from jaxid._checks import require_at_least_zero
 from jaxid._types import Scalar
 
 
@@ -66,11 +70,16 @@ class IdealSensor(Sensor):
 class Encoder(Sensor):
     """A quantised position, and the velocity by its backward difference.
 
+    What it reads has no derivative, and differentiating through it is refused; use `IdealSensor`.
+
     Attributes:
-        resolution: of one count, m or rad.
+        resolution: of one count, m or rad; zero for a position that is exact.
     """
 
     resolution: Scalar = eqx.field(converter=jnp.asarray)
+
+    def __check_init__(self) -> None:
+        require_at_least_zero("resolution", "an encoder", self.resolution)
 
     def error(self) -> SensorError:
         return SensorError(self.resolution / 2, differenced=True)
@@ -85,5 +94,29 @@ class Encoder(Sensor):
         return Measurement(count, (count - memory) / period), count
 
     def quantise(self, position: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-        """The nearest multiple of the resolution."""
-        return self.resolution * jnp.round(position / self.resolution)
+        """The nearest multiple of the resolution; the position itself where that is zero.
+
+        Raises:
+            ValueError: if it is differentiated.
+        """
+        return _quantised(position, self.resolution)
+
+
+@jax.custom_jvp
+def _quantised(position: Float[Array, "*shape"], resolution: Scalar) -> Float[Array, "*shape"]:
+    exact = resolution == 0
+    count = jnp.where(exact, 1.0, resolution)
+    return jnp.where(exact, position, count * jnp.round(position / count))
+
+
+@functools.partial(_quantised.defjvp, symbolic_zeros=True)
+def _without_slope(primals: tuple[Any, Any], tangents: tuple[Any, Any]) -> tuple[Any, Any]:
+    """The slope of steps is zero or infinite: what JAX makes of that through a loop is nonsense."""
+    if not all(isinstance(tangent, SymbolicZero) for tangent in tangents):
+        raise ValueError(
+            "The position that an `Encoder` reads goes in steps of one count and has no "
+            "derivative: use `IdealSensor` in what is differentiated, or stop the gradient of what "
+            "the encoder reads."
+        )
+    found = _quantised(*primals)
+    return found, jnp.zeros_like(found)
