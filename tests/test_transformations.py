@@ -1,0 +1,108 @@
+"""What grad, jit and vmap may be applied to, and what is refused in a sentence."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.axes import linear_motor as motor
+from jaxid.loop.closed_loop import ClosedLoop
+from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.motion.trajectory import uniform
+
+H, T, TICKS = 1e-3, 0.01, 60  # s, s, and six intervals of constant jerk
+MOTION = uniform(jnp.zeros(3), jnp.array([500.0, -300.0, -700.0, 400.0, 600.0, -500.0]), T)
+
+
+def loop(sensor) -> ClosedLoop:
+    return ClosedLoop(motor.controller(), sensor, H, TICKS)
+
+
+def final_position(sensor):
+    """Where the axis is in the end, as a function of anything that it depends on."""
+
+    def of(jerk=MOTION.jerk, theta=jnp.asarray(motor.TRUE_PARAMETERS), k1=200.0):
+        plant = eqx.tree_at(lambda p: p.theta, motor.plant(), theta)
+        run = eqx.tree_at(lambda x: x.controller.k1, loop(sensor), k1)
+        return run(plant, eqx.tree_at(lambda t: t.jerk, MOTION, jerk))[1].position[-1]
+
+    return of
+
+
+WAYS = {
+    "grad": jax.grad,
+    "jit of grad": lambda f: jax.jit(jax.grad(f)),
+    "grad of jit": lambda f: jax.grad(jax.jit(f)),
+    "jacfwd": jax.jacfwd,
+    "vmap of grad": lambda f: lambda x: jax.vmap(jax.grad(f))(x[None]),
+    "linearize": lambda f: lambda x: jax.linearize(f, x)[0],
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_gradient_through_an_encoder_is_refused(way, quick_compilation):
+    with pytest.raises(ValueError, match="no derivative: use `IdealSensor`"):
+        WAYS[way](final_position(Encoder(1e-6)))(MOTION.jerk)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("theta", jnp.asarray(motor.TRUE_PARAMETERS)), ("k1", jnp.asarray(200.0))]
+)
+def test_so_is_one_with_respect_to_plant_or_controller(name, value, quick_compilation):
+    with pytest.raises(ValueError, match="`Encoder` reads"):
+        jax.grad(lambda x: final_position(Encoder(1e-6))(**{name: x}))(value)
+
+
+def test_what_an_encoder_reads_is_refused_without_a_loop_too():
+    with pytest.raises(ValueError, match="use `IdealSensor`"):
+        jax.grad(Encoder(0.1).quantise)(0.33)
+
+
+def test_the_slope_through_an_ideal_sensor_is_that_of_finite_differences():
+    value = jax.jit(final_position(IdealSensor()))
+    slope = jax.grad(value)(MOTION.jerk)
+    for k in (0, 3):
+        step = jnp.zeros(6).at[k].set(1e-2)
+        difference = (value(MOTION.jerk + step) - value(MOTION.jerk - step)) / 2e-2
+        # rounding of 0.01 m over two steps of 0.01 m/s³
+        np.testing.assert_allclose(slope[k], difference, rtol=1e-5, atol=1e-14)
+
+
+def test_what_does_not_lead_through_the_encoder_keeps_its_slope(quick_compilation):
+    seen = final_position(Encoder(1e-6))
+
+    def value(x):
+        return x**2 + seen() + seen(jax.lax.stop_gradient(x) * MOTION.jerk)
+
+    assert jax.grad(value)(jnp.asarray(1.5)) == 3.0
+
+
+def test_an_encoder_under_vmap_jit_and_scan_is_the_nearest_multiple(key):
+    positions = jax.random.uniform(key, (7, 5), minval=-1.0, maxval=1.0)
+    encoder, expected = Encoder(0.03), 0.03 * np.round(np.asarray(positions) / 0.03)
+    np.testing.assert_array_equal(encoder.quantise(positions), expected)
+    np.testing.assert_array_equal(jax.jit(jax.vmap(encoder.quantise))(positions), expected)
+    scanned = jax.lax.scan(lambda _, y: (None, encoder.quantise(y)), None, positions)[1]
+    np.testing.assert_array_equal(scanned, expected)
+    several = jax.vmap(lambda q: Encoder(q).quantise(positions[0]))(jnp.array([0.03, 0.0]))
+    np.testing.assert_array_equal(several, [expected[0], positions[0]])
+
+
+def test_an_encoder_of_resolution_zero_is_exact_and_its_velocity_a_difference():
+    """As a NumPy loop reads it; the closed loop is one of finite numbers, too."""
+    encoder, positions = Encoder(0.0), np.array([0.1, 0.12345678901, -0.3])
+    memory, read = encoder.initial(jnp.asarray(0.1)), []
+    for y in positions:
+        measured, memory = encoder.read(memory, jnp.asarray(y), jnp.asarray(7.0), jnp.asarray(H))
+        read.append(measured)
+    np.testing.assert_array_equal([x.position for x in read], positions)
+    differences = np.diff(positions, prepend=0.1) / H
+    np.testing.assert_allclose([x.velocity for x in read], differences, rtol=1e-15)
+    record, signals = loop(encoder)(motor.plant(), MOTION)
+    fine, _ = loop(Encoder(1e-12))(motor.plant(), MOTION)
+    assert jnp.all(jnp.isfinite(signals.position))
+    # a count of 1e-12 m is 1e-9 m/s of a difference, and k₂ some 40 V s/m
+    np.testing.assert_allclose(record.input, fine.input, atol=1e-6)
+    with pytest.raises(ValueError, match="`resolution` of an encoder must be at least zero"):
+        Encoder(-1e-6)
