@@ -98,7 +98,7 @@ def test_brackets_are_worth_having(motion):
     log, _ = experiment(motor, motion, theta, motor.plant().disturbance, Q, H, ticks)
     found = guaranteed_intervals(motor.system(), [log], knots=75)
     v = state_bounds(found.rows.system, log).velocity
-    assert np.median(v.upper - v.lower) / 2 < 3e-3
+    assert np.median(v.half_width) < 3e-3
 
 
 def test_a_log_that_nothing_can_have_left_is_refused(motion):

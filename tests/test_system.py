@@ -10,7 +10,7 @@ from experiments.axes import one_link_arm as arm
 from jaxid.design.criteria import LeastSquaresError
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.model.disturbance_bound import ConstantBound, NearbyVelocityBound, ScaledBound, SpeedBand
-from jaxid.model.interval_arithmetic import Range
+from jaxid.model.interval_arithmetic import exactly
 from jaxid.model.regressors import Constant, Viscous
 from jaxid.model.system import System, Term, smoothed
 from jaxid.motion.acceleration_limit import acceleration_limit
@@ -165,6 +165,6 @@ def test_a_cautious_bound_is_the_largest_within_reach(velocity, reach):
     expected = np.max(bound(jnp.zeros_like(near), jnp.asarray(near)))
     cautious, still = NearbyVelocityBound(bound, reach), jnp.zeros(())
     assert float(cautious(still, jnp.asarray(velocity))) == expected
-    wide = cautious.range(Range(still, still), Range(jnp.asarray(velocity), jnp.asarray(velocity)))
+    wide = cautious.range(exactly(still), exactly(velocity))
     assert float(wide.upper) == expected
     assert "off by up to" in cautious.describe("V", "m/s")

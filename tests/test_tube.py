@@ -17,7 +17,7 @@ from jaxid.loop.scenarios import every, random_parameters, vertices
 from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.tube import Tube, _peak, parameter_cells
 from jaxid.model.disturbance_bound import ConstantBound
-from jaxid.model.interval_arithmetic import Range
+from jaxid.model.interval_arithmetic import Range, around
 from jaxid.motion.acceleration_limit import acceleration_reach
 from jaxid.motion.feasibility import interior
 from jaxid.motion.limits import Limits
@@ -55,8 +55,7 @@ def seen(motion, law, sensor, own, period=motor.CONTROL_PERIOD, ticks=3000):
 
 def share(seen: Range, tube: Range) -> float:
     """How much of the tube's half-width is reached, at most: above 1 is outside."""
-    middle, half = (tube.upper + tube.lower) / 2, (tube.upper - tube.lower) / 2
-    return float(jnp.max(jnp.maximum(seen.upper - middle, middle - seen.lower) / half))
+    return float(jnp.max(abs(seen - tube.middle).upper / tube.half_width))
 
 
 @pytest.fixture(scope="module")
@@ -102,8 +101,7 @@ def test_a_coarse_encoder_is_covered_and_fills_most_of_the_tube(motion, own):
 def test_a_narrower_tube_is_left(proved, happened):
     """A tenth narrower: in position and in input some plant is outside."""
     for k in (0, 2):
-        middle = (proved[k].upper + proved[k].lower) / 2
-        narrower = Range(*(middle + 0.9 * (end - middle) for end in proved[k]))
+        narrower = proved[k].middle + around(0.9 * proved[k].half_width)
         assert jnp.any(happened[k].upper > narrower.upper) or jnp.any(
             happened[k].lower < narrower.lower
         )
@@ -115,7 +113,7 @@ def test_it_holds_for_exact_sensors_and_is_narrower(motion, own, proved):
     assert max(share(a, b) for a, b in zip(found, tube, strict=True)) <= 1
     assert share(found.input, tube.input) > 0.95
     for exact, quantised in zip(tube, proved, strict=True):
-        assert jnp.mean(exact.upper - exact.lower) < jnp.mean(quantised.upper - quantised.lower)
+        assert jnp.mean(exact.half_width) < jnp.mean(quantised.half_width)
 
 
 @pytest.mark.parametrize(

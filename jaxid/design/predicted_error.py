@@ -25,7 +25,6 @@ from jaxid.identification.state_bounds import StateBounds, state_bounds
 from jaxid.loop.controllers import Controller
 from jaxid.loop.servo import Servo
 from jaxid.model.disturbance_bound import NearbyVelocityBound
-from jaxid.model.interval_arithmetic import Range
 from jaxid.model.system import System, smoothed
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
@@ -92,13 +91,8 @@ class GuaranteedError(eqx.Module):
     def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> RegressionRows:
         log, states = self.log_model(trajectory)
         found = stop_gradient(state_bounds(self.narrow, stop_gradient(log)))
-
-        def moved(x: Range, middle: Float[Array, " n"]) -> Range:
-            """A range that goes along with what it is about."""
-            shift = middle - stop_gradient(middle)
-            return Range(x.lower + shift, x.upper + shift)
-
-        y, v, a = map(moved, found[:3], states)
+        # ranges of fixed width that go along with what they are about
+        y, v, a = (x + (at - stop_gradient(at)) for x, at in zip(found[:3], states, strict=True))
         found = StateBounds(y, v, a, found.reading)
         step = jnp.abs(states.acceleration) * log.period / 2
         blend = jnp.where(smoothing > 0, smoothing * self.speed + step, 0.0)

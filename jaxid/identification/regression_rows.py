@@ -22,7 +22,6 @@ from jaxid._types import Motion, Scalar
 from jaxid.identification.state_bounds import StateBounds
 from jaxid.loop.log import Log
 from jaxid.loop.record import Record, Rows
-from jaxid.model.interval_arithmetic import Range, size
 from jaxid.model.regressors import Viscous
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate, estimate
@@ -83,7 +82,7 @@ def hats(system: System, log: Log, found: StateBounds) -> RegressionRows:
     middles, doubt = _bracketed(system, log, found)
     columns = _columns(system, y, (y[2:] - y[:-2]) / (2 * h), h, map(_mean, middles))
     rows = Rows(columns, _mean(doubt), _measure(log))
-    most, size_of = _most(system), size(found.acceleration).upper
+    most, size_of = _most(system), abs(found.acceleration).upper
     half, n = found.reading, y.size
     channels = {"quantised ÿ": _channel((1.0, -2.0, 1.0), most[0] * half / h**2, n)}
     for j in _viscous(system):
@@ -108,7 +107,7 @@ def boxes(system: System, log: Log, found: StateBounds) -> RegressionRows:
     columns = _columns(system, y, jnp.diff(y)[1:] / h, h, (f[1:] for f in middles))
     rows = Rows(columns, doubt[1:], _measure(log))
     most, half, n = _most(system), found.reading, y.size
-    lag = most[0] * size(found.acceleration).upper / 2
+    lag = most[0] * abs(found.acceleration).upper / 2
     channels = {
         "quantised ÿ": _channel((1.0, -2.0, 1.0), most[0] * half / h**2, n),
         "lag of ẏ": Channel(jnp.array([-1.0, 1.0]), lag),
@@ -162,16 +161,11 @@ def _bracketed(system: System, log: Log, found: StateBounds) -> tuple[tuple[Moti
     The ranges of ÿ and ẏ itself count nothing: these are measured.
     """
     ranges = system.force_ranges(found.position, found.velocity)
-    middles, doubts = zip(*(_split(x) for x in ranges), strict=True)
     delta = system.disturbance_bound.range(found.position, found.velocity).upper
     most, known = _most(system), _viscous(system)
-    for j, doubt in enumerate(doubts, start=1):
-        delta = delta + (0.0 if j in known else most[j] * doubt)
-    return middles, delta + log.misheld()
-
-
-def _split(x: Range) -> tuple[Motion, Motion]:
-    return (x.lower + x.upper) / 2, (x.upper - x.lower) / 2
+    for j, x in enumerate(ranges, start=1):
+        delta = delta + (0.0 if j in known else most[j] * x.half_width)
+    return tuple(x.middle for x in ranges), delta + log.misheld()
 
 
 def _viscous(system: System) -> list[int]:

@@ -11,24 +11,12 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_float64
 from jaxid._types import Scalar
 from jaxid.loop.log import InconsistentLogError, Log
-from jaxid.model.interval_arithmetic import (
-    Range,
-    around,
-    common,
-    exactly,
-    hull,
-    minus,
-    plus,
-    scaled,
-    size,
-    times,
-)
+from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.system import System
 
 _WINDOW = 12  # ticks: positions farther apart say less about a velocity than nearer ones
@@ -70,7 +58,7 @@ def state_bounds(system: System, log: Log) -> StateBounds:
             f"Argument `log`: its period of {float(log.period):g} s is too long to bound a "
             "velocity from the box: the axis could accelerate without limit within a tick.",
         )
-        room = jnp.where(log.took_place(), found.velocity.upper - found.velocity.lower, jnp.inf)
+        room = jnp.where(log.took_place(), found.velocity.half_width, jnp.inf)
         tick = int(jnp.argmin(room))
         require(
             float(room[tick]) >= 0,
@@ -89,28 +77,23 @@ def _state_bounds(system: System, log: Log) -> StateBounds:
     reading = log.reading_error(jnp.broadcast_to(speed, log.position.shape))
     position, acceleration = _within(system, log, around(speed), reading)
     # in every tick the velocity is once the mean one
-    reach = (reading[:-1] + reading[1:]) / h + h * size(acceleration).upper
-    velocity = _chosen(known, Range(mean - reach, mean + reach), around(speed))
+    reach = (reading[:-1] + reading[1:]) / h + h * abs(acceleration).upper
+    velocity = where(known, mean + around(reach), around(speed))
     unread = jnp.where(jnp.append(True, known), 0.0, jnp.inf)
 
     def narrower(_: Any, found: StateBounds) -> StateBounds:
         """With what velocities and accelerations say of each other."""
         velocity = found.velocity
-        reading = log.reading_error(_around_samples(size(velocity).upper, speed))
+        reading = log.reading_error(_around_samples(abs(velocity).upper, speed))
         position, acceleration = _within(system, log, velocity, reading)
         windows = _from_windows(log, acceleration, reading + unread)
         at_samples = _swept(windows, acceleration, h)
-        common_to_both = common(velocity, _between(at_samples, acceleration, h))
-        velocity = _chosen(known, common_to_both, velocity)
+        velocity = where(known, velocity & _between(at_samples, acceleration, h), velocity)
         return StateBounds(position, velocity, acceleration, reading)
 
     # a loop and not four copies, which compile four times as long
     first = StateBounds(position, velocity, acceleration, reading)
     return jax.lax.fori_loop(0, _PASSES, narrower, first)
-
-
-def _chosen(which: Bool[Array, " n"], one: Range, other: Range) -> Range:
-    return Range(*(jnp.where(which, x, y) for x, y in zip(one, other, strict=True)))
 
 
 def _around_samples(speed: Float[Array, " n"], top: Scalar) -> Float[Array, " samples"]:
@@ -134,7 +117,7 @@ def _top_speed(system: System, log: Log, mean: Float[Array, " n"]) -> Scalar:
     def next_speed(speed: Scalar) -> Scalar:
         reading = log.reading_error(jnp.broadcast_to(speed, log.position.shape))
         acceleration = _within(system, log, around(speed), reading)[1]
-        return most + (h + 4 * jitter) * jnp.max(size(acceleration).upper)
+        return most + (h + 4 * jitter) * jnp.max(abs(acceleration).upper)
 
     speed = 1.01 * jax.lax.fori_loop(0, 30, lambda _, speed: next_speed(speed), most)
     return jnp.where(next_speed(speed) < speed, speed, jnp.inf)
@@ -146,20 +129,19 @@ def _within(
     """Position and acceleration during each tick, from the velocity; ÿ from (1)."""
     first, last = log.position[:-1], log.position[1:]
     velocity = jax.tree.map(lambda x: jnp.broadcast_to(x, first.shape), velocity)
-    far = log.period * size(velocity).upper / 2  # from the nearer end
+    far = log.period * abs(velocity).upper / 2  # from the nearer end
     reach = jnp.maximum(reading[:-1], reading[1:]) + far
-    position = plus(hull(exactly(first), exactly(last)), around(reach))
+    position = (exactly(first) | last) + around(reach)
     return position, accelerations(system, log.acting(), position, velocity)
 
 
 def accelerations(system: System, input: Range, position: Range, velocity: Range) -> Range:
     """ÿ of (1) for all θ in the box, all |Δ| ≤ δ and all such inputs."""
-    box = [Range(*term.interval) for term in system.terms]
+    inertia, *others = system.box
     forces = system.force_ranges(position, velocity)
     delta = system.disturbance_bound.range(position, velocity).upper
-    taken = [times(theta, force) for theta, force in zip(box[1:], forces, strict=True)]
-    load = minus(input, plus(*taken, around(delta)))
-    return times(load, Range(1 / box[0].upper, 1 / box[0].lower))
+    taken = sum(theta * force for theta, force in zip(others, forces, strict=True))
+    return (input - (taken + around(delta))) / inertia
 
 
 def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples"]) -> Range:
@@ -169,18 +151,18 @@ def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples
     somewhere in its range, and so on for the p ticks before it and for both together.
     """
     h, y, count = log.period, log.position, log.position.size
-    found = Range(jnp.full(count, -jnp.inf), jnp.full(count, jnp.inf))
+    found = around(jnp.full(count, jnp.inf))
     both = zip(_gains(acceleration, count, 1), _gains(acceleration, count, -1), strict=True)
     for p, (after, before) in enumerate(both, start=1):
         later, sooner = _shifted(y, p, count, 0.0), _shifted(y, -p, count, 0.0)
         past, future = (_shifted(reading, by, count, 0.0) for by in (-p, p))
-        gained = minus(scaled(h / 2, before), scaled(h / 2, after))
+        gained = h / 2 * before - h / 2 * after
         for mean, error, moved in (
-            ((later - y) / (p * h), (future + reading) / (p * h), scaled(-h, after)),
-            ((y - sooner) / (p * h), (reading + past) / (p * h), scaled(h, before)),
+            ((later - y) / (p * h), (future + reading) / (p * h), -h * after),
+            ((y - sooner) / (p * h), (reading + past) / (p * h), h * before),
             ((later - sooner) / (2 * p * h), (future + past) / (2 * p * h), gained),
         ):
-            found = common(found, plus(exactly(mean), plus(around(error), moved)))
+            found = found & (mean + (around(error) + moved))
     return found
 
 
@@ -193,9 +175,9 @@ def _gains(acceleration: Range, count: int, side: int) -> Iterator[Range]:
             _shifted(acceleration.lower, by, count, -jnp.inf),
             _shifted(acceleration.upper, by, count, jnp.inf),
         )
-        gain = plus(gain, total, scaled(0.5, newest))
-        total = plus(total, newest)
-        yield scaled(1 / p, gain)
+        gain = gain + total + 0.5 * newest
+        total = total + newest
+        yield 1 / p * gain
 
 
 def _shifted(x: Float[Array, " k"], by: int, count: int, beyond: float) -> Float[Array, " count"]:
@@ -209,7 +191,7 @@ def _shifted(x: Float[Array, " k"], by: int, count: int, beyond: float) -> Float
 def _swept(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
     """What each sample's velocity and the accelerations since or until then say of all others."""
     after = _swept_forward(at_samples, acceleration, h)
-    backward = jax.tree.map(lambda x: jnp.flip(-x), Range(acceleration.upper, acceleration.lower))
+    backward = jax.tree.map(jnp.flip, -acceleration)
     return jax.tree.map(jnp.flip, _swept_forward(jax.tree.map(jnp.flip, after), backward, h))
 
 
@@ -224,5 +206,6 @@ def _swept_forward(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
 
 def _between(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
     """During each tick: ẏ leaves the chord between its ends by at most h/4 of the range of ÿ."""
-    first, last = (Range(*(x[part] for x in at_samples)) for part in (np.s_[:-1], np.s_[1:]))
-    return plus(hull(first, last), around(h / 4 * (acceleration.upper - acceleration.lower)))
+    first = jax.tree.map(lambda end: end[:-1], at_samples)
+    last = jax.tree.map(lambda end: end[1:], at_samples)
+    return (first | last) + around(h / 2 * acceleration.half_width)

@@ -6,7 +6,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxid._checks import is_concrete, require, require_at_least_zero, require_positive
 from jaxid._types import Motion, Scalar
-from jaxid.model.interval_arithmetic import Range, exactly, hull
+from jaxid.model.interval_arithmetic import Range, exactly, where
 
 _ROUNDINGS = 4  # of a position: when it is read, and in a difference of two or three
 JITTER = 0.1  # of a period, at most: beyond it a log is hardly one of ticks
@@ -97,8 +97,8 @@ class Log(eqx.Module):
     def acting(self) -> Range:
         """All inputs that act in each tick: with jitter the neighbours', too."""
         before, after = self._neighbours()
-        either = hull(*map(exactly, (before, self.input, after)))
-        return Range(*(jnp.where(self.jitter > 0, end, self.input) for end in either))
+        held = exactly(self.input)
+        return where(self.jitter > 0, held | before | after, held)
 
     def misheld(self) -> Float[Array, " n"]:
         """|mean of what acts in each tick − u_k| at most, or under a hat over two of them.

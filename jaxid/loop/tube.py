@@ -36,30 +36,19 @@ tube is infinite.
 
 import functools
 import itertools
+import operator
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from jaxid._checks import require_float64
 from jaxid._types import Scalar
 from jaxid.loop.controllers import ARC
 from jaxid.loop.sensors import Sensor, SensorError
-from jaxid.model.interval_arithmetic import (
-    Range,
-    around,
-    common,
-    exactly,
-    hull,
-    minus,
-    plus,
-    scaled,
-    size,
-    times,
-)
+from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory, States, reference
 from jaxid.motion.violation import Envelope, Prediction
@@ -69,20 +58,8 @@ from jaxid.motion.violation import Envelope, Prediction
 _ROUNDING = 1e-13
 
 
-class Cells(eqx.Module):
-    """Boxes that cover Ω_θ.
-
-    Attributes:
-        lower: shape (c, m).
-        upper: shape (c, m).
-    """
-
-    lower: Float[Array, "c m"]
-    upper: Float[Array, "c m"]
-
-
-def parameter_cells(system: System, parts: tuple[int, ...]) -> Cells:
-    """Ω_θ cut into equal parts along each parameter.
+def parameter_cells(system: System, parts: tuple[int, ...]) -> Range:
+    """Ω_θ cut into c cells of equal size, as ranges of shape (c, m).
 
     Args:
         system: with its box.
@@ -94,8 +71,7 @@ def parameter_cells(system: System, parts: tuple[int, ...]) -> Cells:
     ]
     lower = np.meshgrid(*(edge[:-1] for edge in edges), indexing="ij")
     upper = np.meshgrid(*(edge[1:] for edge in edges), indexing="ij")
-    flat = [jnp.asarray(np.stack([x.ravel() for x in ends], axis=1)) for ends in (lower, upper)]
-    return Cells(*flat)
+    return Range(*(np.stack([x.ravel() for x in ends], axis=1) for ends in (lower, upper)))
 
 
 class Tube(Prediction):
@@ -105,7 +81,7 @@ class Tube(Prediction):
         controller: the law of `ARC` itself, none derived from it; θ̂ may be anywhere in Ω_θ where it
             adapts, and is best frozen.
         sensor: what the controller sees.
-        cells: that cover Ω_θ; what they leave out is not proved.
+        cells: of θ, shape (c, m), that cover Ω_θ; what they leave out is not proved.
         period: of the controller, s.
         ticks: of one motion.
         repeats: how many times it is run, back to back, from rest.
@@ -113,7 +89,7 @@ class Tube(Prediction):
 
     controller: ARC
     sensor: Sensor
-    cells: Cells
+    cells: Range
     period: Scalar = eqx.field(converter=jnp.asarray)
     ticks: int = eqx.field(static=True)
     repeats: int = eqx.field(static=True, default=1)
@@ -151,8 +127,8 @@ class _Cell(NamedTuple):
 
     law: ARC
     period: Scalar
-    theta: Range
-    hat: Range
+    theta: tuple[Range, ...]
+    hat: tuple[Range, ...]
     error: SensorError
 
     @property
@@ -162,22 +138,20 @@ class _Cell(NamedTuple):
 
     @property
     def inverse_inertia(self) -> Range:
-        return Range(1 / self.theta.upper[0], 1 / self.theta.lower[0])
+        return 1 / self.theta[0]
 
 
 @eqx.filter_jit
 def _merged(tube: Tube, trajectory: JerkTrajectory) -> Envelope:
     now = _changes(tube, trajectory)
-    found = jax.vmap(lambda low, high: _one_cell(tube, now, Range(low, high)))(
-        tube.cells.lower, tube.cells.upper
-    )
+    found = jax.vmap(lambda theta: _one_cell(tube, now, theta))(tube.cells)
 
     def union(x: Range) -> Range:
         # a range that is no number bounds nothing
         lower = jnp.where(jnp.isnan(x.lower), -jnp.inf, x.lower).reshape(-1, tube.ticks)
         upper = jnp.where(jnp.isnan(x.upper), jnp.inf, x.upper).reshape(-1, tube.ticks)
         found = Range(jnp.min(lower, axis=0), jnp.max(upper, axis=0))
-        return plus(found, around(_ROUNDING * (1 + size(found).upper)))
+        return found + around(_ROUNDING * (1 + abs(found).upper))
 
     return Envelope(*map(union, found))
 
@@ -193,38 +167,37 @@ def _changes(tube: Tube, trajectory: JerkTrajectory) -> _Now:
 def _one_cell(tube: Tube, now: _Now, theta: Range) -> Envelope:
     law, box = tube.controller, tube.system
     moves = law.gamma > 0
-    hat = Range(jnp.where(moves, box.lower, box.centre), jnp.where(moves, box.upper, box.centre))
-    cell = _Cell(law, tube.period, theta, hat, tube.sensor.error())
+    hat = where(moves, Range(box.lower, box.upper), exactly(box.centre))
+    cell = _Cell(law, tube.period, _entries(theta), _entries(hat), tube.sensor.error())
     zero, slow = exactly(jnp.zeros(())), exactly(-now.at.velocity[0])
     rest = _State(zero, slow, slow, zero, jnp.zeros(()))
     _, found = jax.lax.scan(lambda state, now: _tick(cell, state, now), rest, now)
-    before = Range(*(jnp.append(0.0, x[:-1]) for x in found.input))
-    rate = jax.tree.map(lambda x: x / tube.period, minus(found.input, before))
-    return found._replace(input_rate=rate)
+    before = jax.tree.map(lambda end: jnp.append(0.0, end[:-1]), found.input)
+    return found._replace(input_rate=(found.input - before) / tube.period)
 
 
 def _tick(cell: _Cell, state: _State, now: _Now) -> tuple[_State, Envelope]:
     """The ranges at the next tick, and what the axis may do until then."""
     law, h = cell.law, cell.period
-    y, v, a = map(exactly, now.at)
+    y, v, a = now.at
     shifted, differenced = around(state.shift * cell.jitter), around(2 * cell.jitter)
     coarse = around(cell.error.position)
-    noise = plus(state.lag, shifted, differenced)
-    place, speed = plus(y, state.position), plus(v, state.velocity, shifted)
-    read = plus(place, coarse), plus(v, state.velocity, noise)
-    wanted = plus(a, scaled(-law.k1, plus(state.velocity, noise)))
+    noise = state.lag + shifted + differenced
+    place, speed = y + state.position, v + state.velocity + shifted
+    read = place + coarse, v + state.velocity + noise
+    wanted = a - law.k1 * (state.velocity + noise)
     model = _forces(law.system, cell.hat, *read)
     gain = _gain(law, *read, wanted)
-    feedback = times(gain, plus(state.combined, noise, scaled(law.k1, coarse)))
-    u = minus(plus(times(_inertia(cell.hat), wanted), model), feedback)
+    feedback = gain * (state.combined + noise + law.k1 * coarse)
+    u = cell.hat[0] * wanted + model - feedback
 
     during, acceleration, push = _within(cell, place, speed, u)
-    remainder = minus(scaled(h**2 / 2, acceleration), exactly(now.bend))
-    after = _next(cell, state, now, gain, plus(model, push), remainder)
+    remainder = h**2 / 2 * acceleration - now.bend
+    after = _next(cell, state, now, gain, model + push, remainder)
     if cell.error.differenced:
-        after = after._replace(lag=scaled(-h / 2, acceleration))
-    end_y = plus(y, exactly(h * now.at.velocity + now.bend), after.position)
-    end_v = plus(v, exactly(now.gain), after.velocity, around(after.shift * cell.jitter))
+        after = after._replace(lag=-h / 2 * acceleration)
+    end_y = y + (h * v + now.bend) + after.position
+    end_v = v + now.gain + after.velocity + around(after.shift * cell.jitter)
     reached = _between(place, end_y, during, h), _between(speed, end_v, acceleration, h)
     return after, Envelope(*reached, u, u)
 
@@ -236,12 +209,12 @@ def _next(
     h, k1 = cell.period, cell.law.k1
     e, s, p, g, shift = state
     next_shift = _middle(gain, cell)
-    wanted = plus(exactly(now.at.acceleration), scaled(-k1, g))
-    read = plus(g, around(k1 * cell.error.position))
+    wanted = now.at.acceleration - k1 * g
+    read = g + around(k1 * cell.error.position)
     speeds, combined = [], []
-    for M_hat, inverse, K in itertools.product(_inertia(cell.hat), cell.inverse_inertia, gain):
-        X = plus(scaled(M_hat, wanted), scaled(-K, read), forces)
-        common_part = minus(scaled(h * inverse, X), exactly(now.gain))
+    for M_hat, inverse, K in itertools.product(cell.hat[0], cell.inverse_inertia, gain):
+        X = M_hat * wanted - K * read + forces
+        pushed = h * inverse * X - now.gain
         b, fade = h * k1 * (1 - M_hat * inverse), h * (M_hat * k1 + K) * inverse
 
         def shaken(keep: Scalar, fade: Scalar = fade) -> Range:
@@ -249,24 +222,21 @@ def _next(
             return around(left * cell.jitter)
 
         keep = 1 - fade
-        parts = scaled(keep, s), scaled(-h * K * k1 * inverse, e), shaken(keep)
-        speeds.append(plus(*parts, common_part))
+        speeds.append(keep * s - h * K * k1 * inverse * e + shaken(keep) + pushed)
         keep = 1 + b - h * K * inverse
-        parts = scaled(keep, p), scaled(-k1 * b, e), shaken(keep), scaled(k1, remainder)
-        combined.append(plus(*parts, common_part))
+        combined.append(keep * p - k1 * b * e + shaken(keep) + k1 * remainder + pushed)
     # the coarsest rounding is that of a difference of positions over one tick
     spare = around(_ROUNDING * (1 + jnp.abs(now.at.position) / h))
-    moved = scaled(h, plus(p, around(shift * cell.jitter)))
-    e = plus(scaled(1 - h * k1, e), moved, remainder, spare)
-    s, p = plus(hull(*speeds), spare), plus(hull(*combined), spare)
-    s, p = common(s, minus(p, scaled(k1, e))), common(p, plus(s, scaled(k1, e)))
+    e = (1 - h * k1) * e + h * (p + around(shift * cell.jitter)) + remainder + spare
+    s, p = (functools.reduce(operator.or_, ends) + spare for ends in (speeds, combined))
+    s, p = s & (p - k1 * e), p & (s + k1 * e)
     return _State(e, s, p, exactly(jnp.zeros(())), next_shift)
 
 
 def _middle(gain: Range, cell: _Cell) -> Scalar:
     """The κ in the middle of all λ of a tick."""
-    low = cell.hat.lower[0] * cell.law.k1 + gain.lower
-    high = cell.hat.upper[0] * cell.law.k1 + gain.upper
+    low = cell.hat[0].lower * cell.law.k1 + gain.lower
+    high = cell.hat[0].upper * cell.law.k1 + gain.upper
     inverse = cell.inverse_inertia
     return cell.period * (low * inverse.lower + high * inverse.upper) / 2
 
@@ -276,44 +246,40 @@ def _within(cell: _Cell, place: Range, speed: Range, u: Range) -> tuple[Range, R
     h, inverse = cell.period, cell.inverse_inertia
 
     def push(speed: Range) -> Range:
-        there = hull(place, plus(place, scaled(h, speed)))
+        there = place | (place + h * speed)
         delta = cell.law.system.disturbance_bound.range(there, speed).upper
-        return minus(around(delta), _forces(cell.law.system, cell.theta, there, speed))
+        return around(delta) - _forces(cell.law.system, cell.theta, there, speed)
 
     # a guess that is checked: twice what would do if no force changed within the tick
-    most = 2 * inverse.upper * size(plus(u, push(speed))).upper + 1.0
-    wide = times(inverse, plus(u, push(plus(speed, around(h * most)))))
-    stays = size(wide).upper <= most
-    wide = Range(jnp.where(stays, wide.lower, -jnp.inf), jnp.where(stays, wide.upper, jnp.inf))
-    during = hull(speed, plus(speed, scaled(h, wide)))
+    most = 2 * inverse.upper * abs(u + push(speed)).upper + 1.0
+    wide = inverse * (u + push(speed + around(h * most)))
+    wide = where(abs(wide).upper <= most, wide, around(jnp.inf))
+    during = speed | (speed + h * wide)
     forces = push(during)
-    return during, times(inverse, plus(u, forces)), forces
+    return during, inverse * (u + forces), forces
 
 
 def _gain(law: ARC, place: Range, speed: Range, wanted: Range) -> Range:
     """K of (25)-(26)."""
-    sizes = [size(wanted), *(size(f) for f in law.system.force_ranges(place, speed))]
-    h = law.system.disturbance_bound.range(place, speed)
-    for j, x in enumerate(sizes):
-        h = plus(h, scaled(law.reach[j], x))
-    return Range(*(law.k2 + end**2 / (4 * law.epsilon) for end in h))
+    phi = (wanted, *law.system.force_ranges(place, speed))
+    delta = law.system.disturbance_bound.range(place, speed)
+    h = sum((reach * abs(f) for reach, f in zip(law.reach, phi, strict=True)), start=delta)
+    return Range(*(law.k2 + end**2 / (4 * law.epsilon) for end in h))  # h ≥ 0
 
 
-def _forces(system: System, theta: Range, place: Range, speed: Range) -> Range:
+def _forces(system: System, theta: tuple[Range, ...], place: Range, speed: Range) -> Range:
     """θ_fᵀ f."""
-    ranges = system.force_ranges(place, speed)
-    return plus(
-        *(times(Range(theta.lower[j], theta.upper[j]), f) for j, f in enumerate(ranges, start=1))
-    )
+    forces = system.force_ranges(place, speed)
+    return sum((t * f for t, f in zip(theta[1:], forces, strict=True)), start=exactly(0.0))
 
 
-def _inertia(theta: Range) -> Range:
-    return Range(theta.lower[0], theta.upper[0])
+def _entries(x: Range) -> tuple[Range, ...]:
+    return tuple(Range(*ends) for ends in zip(*x, strict=True))
 
 
 def _between(start: Range, end: Range, rate: Range, period: Scalar) -> Range:
     """What a value can be within a tick, from its ends and its rate."""
-    mirrored = _peak(-start.lower, -end.lower, Range(-rate.upper, -rate.lower), period)
+    mirrored = _peak(-start.lower, -end.lower, -rate, period)
     return Range(-mirrored, _peak(start.upper, end.upper, rate, period))
 
 

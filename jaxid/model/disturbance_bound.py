@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from jaxid._checks import require_at_least_zero, require_positive
 from jaxid._types import Motion, Scalar
-from jaxid.model.interval_arithmetic import Range, around, exactly, hull, plus, scaled, size
+from jaxid.model.interval_arithmetic import Range, around, exactly
 from jaxid.model.smoothing import Nonsmooth
 
 _OWNER = "a disturbance bound δ"
@@ -78,8 +78,8 @@ class SpeedBand(DisturbanceBound, Nonsmooth):
         return self.fast + (self.slow - self.fast) * share
 
     def range(self, position: Range, velocity: Range) -> Range:
-        # monotone in |ẏ|
-        return hull(*(exactly(self(position.lower, speed)) for speed in size(velocity)))
+        slowest, fastest = (self(position.lower, speed) for speed in abs(velocity))
+        return exactly(slowest) | fastest  # monotone in |ẏ|
 
     def describe(self, unit: str, speed: str) -> str:
         return (
@@ -104,7 +104,7 @@ class ScaledBound(DisturbanceBound):
         return self.factor * self.bound(position, velocity)
 
     def range(self, position: Range, velocity: Range) -> Range:
-        return scaled(self.factor, self.bound.range(position, velocity))
+        return self.factor * self.bound.range(position, velocity)
 
     def describe(self, unit: str, speed: str) -> str:
         return f"{float(self.factor):g} times {self.bound.describe(unit, speed)}"
@@ -123,8 +123,7 @@ class NearbyVelocityBound(DisturbanceBound):
         return self.range(exactly(position), exactly(velocity)).upper
 
     def range(self, position: Range, velocity: Range) -> Range:
-        reach = jnp.broadcast_to(self.reach, velocity.lower.shape)
-        return self.bound.range(position, plus(velocity, around(reach)))
+        return self.bound.range(position, velocity + around(self.reach))
 
     def describe(self, unit: str, speed: str) -> str:
         inner = self.bound.describe(unit, speed)

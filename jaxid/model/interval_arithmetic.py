@@ -1,77 +1,157 @@
-"""Interval arithmetic on arrays: what a value can be while others vary in ranges (Moore 1966).
+"""Interval arithmetic on arrays: all values of an expression while its operands vary (Moore 1966).
 
-Every function returns a range that contains all values of its expression. Rounding is not directed:
-who prints an end as a guarantee leaves room for it.
+An expression of ranges is written like one of numbers, `M * a + B * v`, and its result contains
+every value that it takes while each operand takes any value of its range, independently of the
+others: `x - x` is not zero. Rounding is not directed: who prints an end as a guarantee leaves room
+for it.
 """
 
-import functools
-import operator
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NoReturn
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Real
 
 Values = Float[Array, "*shape"]
+Number = Real[ArrayLike, "..."]
 
 
-class Range(NamedTuple):
-    """All numbers from `lower` to `upper`, entry by entry."""
+def _refused(sentence: str) -> Callable[..., NoReturn]:
+    """A method that raises a TypeError."""
 
-    lower: Values
-    upper: Values
+    def method(*operands: Any) -> NoReturn:
+        raise TypeError(sentence)
+
+    return method
 
 
-def exactly(value: Values) -> Range:
+class Range(eqx.Module):
+    """All numbers from `lower` to `upper`, entry by entry, with the operators of numbers.
+
+    `+`, `-`, `*`, `/` and `abs` give the range of the result. `x | y` is the smallest range that
+    contains both, `x & y` what both have in common. One operand may be a number or an array, of
+    JAX or NumPy, on either side: it stands for the range of that one value. `lower, upper = x`
+    unpacks the ends.
+
+    A range whose lower end is above its upper one is empty, as `x & y` is if x and y have no value
+    in common. Of the operators only `&` is sure to keep it empty: look at it before others follow.
+    An end that is NaN, as 0·∞ is, bounds nothing.
+
+    Attributes:
+        lower: of any shape.
+        upper: of the same shape.
+    """
+
+    lower: Values = eqx.field(converter=jnp.asarray)
+    upper: Values = eqx.field(converter=jnp.asarray)
+
+    __array_ufunc__ = None  # NumPy then leaves `array * range` to the range
+
+    @property
+    def middle(self) -> Values:
+        """Half-way between the ends."""
+        return (self.lower + self.upper) / 2
+
+    @property
+    def half_width(self) -> Values:
+        """Half the distance between the ends; below zero if the range is empty."""
+        return (self.upper - self.lower) / 2
+
+    def __iter__(self) -> Iterator[Values]:
+        return iter((self.lower, self.upper))
+
+    def __neg__(self) -> "Range":
+        return Range(-self.upper, -self.lower)
+
+    def __abs__(self) -> "Range":
+        ends = jnp.abs(self.lower), jnp.abs(self.upper)
+        return Range(jnp.where(_holds_zero(self), 0.0, jnp.minimum(*ends)), jnp.maximum(*ends))
+
+    def __add__(self, other: "Range | Number") -> "Range":
+        lower, upper = _ends(other)
+        return Range(self.lower + lower, self.upper + upper)
+
+    def __sub__(self, other: "Range | Number") -> "Range":
+        lower, upper = _ends(other)
+        return Range(self.lower - upper, self.upper - lower)
+
+    def __rsub__(self, other: Number) -> "Range":
+        return -self + other
+
+    def __mul__(self, other: "Range | Number") -> "Range":
+        if isinstance(other, Range):
+            return other * self.lower | other * self.upper
+        factor, _ = _ends(other)
+        return exactly(self.lower * factor) | self.upper * factor
+
+    def __truediv__(self, other: "Range | Number") -> "Range":
+        if isinstance(other, Range):
+            return self * (1 / other)
+        divisor, _ = _ends(other)
+        return exactly(self.lower / divisor) | self.upper / divisor
+
+    def __rtruediv__(self, other: Number) -> "Range":
+        """All numbers if the divisor may be zero."""
+        quotient = exactly(other / self.lower) | other / self.upper
+        return where(_holds_zero(self), around(jnp.inf), quotient)
+
+    def __or__(self, other: "Range | Number") -> "Range":
+        lower, upper = _ends(other)
+        return Range(jnp.minimum(self.lower, lower), jnp.maximum(self.upper, upper))
+
+    def __and__(self, other: "Range | Number") -> "Range":
+        lower, upper = _ends(other)
+        return Range(jnp.maximum(self.lower, lower), jnp.minimum(self.upper, upper))
+
+    __radd__, __rmul__, __ror__, __rand__ = __add__, __mul__, __or__, __and__
+
+    def __eq__(self, other: object) -> Any:
+        """Whether all ends of two ranges are the same."""
+        return super().__eq__(other) if isinstance(other, Range) else self < other
+
+    __lt__ = __le__ = __gt__ = __ge__ = __contains__ = _refused(
+        "A Range is not compared with a value, which may be below, within or above it: compare "
+        "its ends `lower` and `upper`, which are arrays."
+    )
+    __getitem__ = _refused(
+        "A Range is not indexed, for its ends might be meant or its entries: write `x.lower` and "
+        "`x.upper`, or `jax.tree.map(lambda end: end[0], x)`."
+    )
+    __array__ = _refused("A Range is not an array: its ends `lower` and `upper` are.")
+
+
+def exactly(value: Number) -> Range:
     """The range that holds one number."""
     return Range(value, value)
 
 
-def around(radius: Values) -> Range:
+def around(radius: Values | float) -> Range:
     """±radius."""
     return Range(-radius, radius)
 
 
-def plus(*terms: Range) -> Range:
-    """The sum."""
-    return Range(_sum([t.lower for t in terms]), _sum([t.upper for t in terms]))
+def where(condition: Bool[Array, "..."], one: Range, other: Range) -> Range:
+    """One range where a condition holds and the other elsewhere, entry by entry."""
+    return jax.tree.map(lambda x, y: jnp.where(condition, x, y), one, other)
 
 
-def minus(one: Range, other: Range) -> Range:
-    """The difference."""
-    return Range(one.lower - other.upper, one.upper - other.lower)
+def _holds_zero(x: Range) -> Bool[Array, "*shape"]:
+    return (x.lower <= 0) & (x.upper >= 0)
 
 
-def scaled(factor: Values | float, x: Range) -> Range:
-    """A number of either sign times a range."""
-    a, b = factor * x.lower, factor * x.upper
-    return Range(jnp.minimum(a, b), jnp.maximum(a, b))
+def _ends(operand: Any) -> tuple[Number, Number]:
+    """Of a range; of a number, twice itself.
 
-
-def times(one: Range, other: Range) -> Range:
-    """The product."""
-    return hull(scaled(one.lower, other), scaled(one.upper, other))
-
-
-def hull(*parts: Range) -> Range:
-    """The smallest range that holds all parts."""
-    lower, upper = parts[0]
-    for part in parts[1:]:
-        lower, upper = jnp.minimum(lower, part.lower), jnp.maximum(upper, part.upper)
-    return Range(lower, upper)
-
-
-def common(one: Range, other: Range) -> Range:
-    """What two ranges of the same value have in common."""
-    return Range(jnp.maximum(one.lower, other.lower), jnp.minimum(one.upper, other.upper))
-
-
-def size(x: Range) -> Range:
-    """|x|."""
-    ends = jnp.abs(x.lower), jnp.abs(x.upper)
-    across = (x.lower <= 0) & (x.upper >= 0)
-    return Range(jnp.where(across, 0.0, jnp.minimum(*ends)), jnp.maximum(*ends))
-
-
-def _sum(values: Sequence[Values]) -> Values:
-    return functools.reduce(operator.add, values)
+    Raises:
+        TypeError: if it is neither.
+    """
+    if isinstance(operand, Range):
+        return operand.lower, operand.upper
+    if not eqx.is_array_like(operand):
+        raise TypeError(
+            "A Range is combined with ranges, numbers and arrays, but not with a "
+            f"{type(operand).__name__}: make a Range or an array of it."
+        )
+    return operand, operand

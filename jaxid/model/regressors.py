@@ -1,7 +1,9 @@
 """What multiplies the unknown parameters: known functions of position and velocity."""
 
 import abc
+import functools
 import math
+import operator
 from collections.abc import Callable
 
 import equinox as eqx
@@ -10,7 +12,7 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require_at_least_zero, require_positive
 from jaxid._types import Interval, Motion, Scalar, as_interval
-from jaxid.model.interval_arithmetic import Range, around, exactly, hull, plus, size
+from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.smoothing import Nonsmooth
 
 _CELLS = 64  # per side, in which a user's own regressor is looked at for (18)
@@ -72,15 +74,13 @@ class Custom(Regressor):
             jnp.stack([x.ravel() for x in jnp.meshgrid(*pair)]) for pair in ((y0, v0), (y1, v1))
         ]
         values = self.range(*(Range(low, high) for low, high in zip(*cells, strict=True)))
-        return jnp.max(size(values).upper)
+        return jnp.max(abs(values).upper)
 
     def range(self, position: Range, velocity: Range) -> Range:
         """By the slopes from the middle on; without them, as far as points that are tried show."""
         if self.slopes is not None:
-            (y, dy), (v, dv) = (
-                ((x.lower + x.upper) / 2, (x.upper - x.lower) / 2) for x in (position, velocity)
-            )
-            return plus(exactly(self(y, v)), around(self.slopes[0] * dy + self.slopes[1] * dv))
+            reach = self.slopes[0] * position.half_width + self.slopes[1] * velocity.half_width
+            return self(position.middle, velocity.middle) + around(reach)
         tried = [
             exactly(
                 self(
@@ -91,7 +91,7 @@ class Custom(Regressor):
             for s in _TRIED
             for t in _TRIED
         ]
-        return hull(*tried)
+        return functools.reduce(operator.or_, tried)
 
     @property
     def proved(self) -> bool:
@@ -184,7 +184,7 @@ class Spring(Regressor):
         return jnp.max(jnp.abs(position - self.rest))
 
     def range(self, position: Range, velocity: Range) -> Range:
-        return Range(position.lower - self.rest, position.upper - self.rest)
+        return position - self.rest
 
 
 class OneWay(Regressor):
@@ -214,13 +214,7 @@ class OneWay(Regressor):
         moving = self.regressor.range(position, Range(clip(lower, 0.0), clip(upper, 0.0)))
         always = lower > 0 if self.forward else upper < 0
         never = upper < 0 if self.forward else lower > 0
-        with_rest = hull(moving, exactly(jnp.zeros_like(lower)))
-        return Range(
-            *(
-                jnp.where(never, 0.0, jnp.where(always, inner, outer))
-                for inner, outer in zip(moving, with_rest, strict=True)
-            )
-        )
+        return where(never, exactly(0.0), where(always, moving, moving | 0.0))
 
     @property
     def proved(self) -> bool:
@@ -249,7 +243,7 @@ class Sine(Regressor):
 
     def range(self, position: Range, velocity: Range) -> Range:
         low, high = (self._angle(x) for x in position)
-        ends = hull(exactly(jnp.sin(low)), exactly(jnp.sin(high)))
+        ends = exactly(jnp.sin(low)) | jnp.sin(high)
         crest, trough = (_holds_multiple(low - x, high - x) for x in (jnp.pi / 2, -jnp.pi / 2))
         return Range(jnp.where(trough, -1.0, ends.lower), jnp.where(crest, 1.0, ends.upper))
 

@@ -110,6 +110,11 @@ class System(eqx.Module):
         return jnp.stack([term.interval[1] for term in self.terms])
 
     @property
+    def box(self) -> tuple[Range, ...]:
+        """Ω_θ: one range per parameter."""
+        return tuple(Range(*term.interval) for term in self.terms)
+
+    @property
     def half_widths(self) -> Float[Array, " m"]:
         """Half the width of Ω_θ, parameter by parameter."""
         return (self.upper - self.lower) / 2

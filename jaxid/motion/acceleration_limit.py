@@ -5,7 +5,7 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require
 from jaxid._types import Ends, Interval, Scalar, as_interval
-from jaxid.model.interval_arithmetic import Range
+from jaxid.model.interval_arithmetic import Range, around
 from jaxid.model.system import System
 from jaxid.motion.trajectory import States
 
@@ -31,20 +31,20 @@ def acceleration_reach(system: System, position: Ends, velocity: Ends, input: En
 
     For the motor 51.9 m/s²: friction may be zero, and the offset and δ may not help.
     """
-    box = (Range(*as_interval(position)), Range(*as_interval(velocity)))
-    needs = system.disturbance_bound.range(*box).lower
+    states = (Range(*as_interval(position)), Range(*as_interval(velocity)))
+    needs = system.disturbance_bound.range(*states).lower
     up, down = needs, needs
-    for term, span in zip(system.terms[1:], system.force_ranges(*box), strict=True):
-        up = up + _least_peak(term.interval, span)
-        down = down + _least_peak(-term.interval[::-1], span)
+    for theta, span in zip(system.box[1:], system.force_ranges(*states), strict=True):
+        up = up + _least_peak(theta, span)
+        down = down + _least_peak(-theta, span)
     low, high = as_interval(input)
     return jnp.stack([low + down, high - up]) / system.upper[0]
 
 
-def _least_peak(interval: Interval, span: Range) -> Scalar:
-    """The least of max θf over f in a range, θ being the worst in its interval: convex in f."""
+def _least_peak(theta: Range, span: Range) -> Scalar:
+    """The least of max θf over f in a range, θ being the worst of its own: convex in f."""
     f = jnp.stack([span.lower, span.upper, jnp.clip(0.0, span.lower, span.upper)])
-    return jnp.min(jnp.maximum(f * interval[0], f * interval[1]))
+    return jnp.min((f * theta).upper)
 
 
 def input_demand(system: System, states: States) -> Range:
@@ -54,13 +54,8 @@ def input_demand(system: System, states: States) -> Range:
     feedback adds is left out.
     """
     phi = system.regressors(*states)
-    ends = [term.interval for term in system.terms]
-    sides = [(f * low, f * high) for f, (low, high) in zip(phi, ends, strict=True)]
     delta = system.disturbance_bound(states.position, states.velocity)
-    return Range(
-        sum((jnp.minimum(*side) for side in sides), start=-delta),
-        sum((jnp.maximum(*side) for side in sides), start=delta),
-    )
+    return sum((f * theta for f, theta in zip(phi, system.box, strict=True)), start=around(delta))
 
 
 def _peak_parameters(system: System) -> Float[Array, " m"]:

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 from scipy.optimize import linprog
 
 from jaxid._checks import require_float64
-from jaxid.model.interval_arithmetic import Range, exactly, plus, scaled, size
+from jaxid.model.interval_arithmetic import Range, exactly
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 from jaxid.regression.worst_case import Norm
@@ -173,7 +173,7 @@ def _ratios(
 ) -> Float[Array, "4 cells"]:
     y, v = Range(cells[0], cells[1]), Range(cells[2], cells[3])
     a = Range(*(jnp.broadcast_to(end, cells[0].shape) for end in limits.acceleration))
-    y_middle, v_middle = (exactly((x.lower + x.upper) / 2) for x in (y, v))
+    y_middle, v_middle = exactly(y.middle), exactly(v.middle)
     pairs = ((y, v), (y_middle, v_middle), (y_middle, v), (y, v_middle))
     return jnp.stack([_ratio(system, nu, a, *pair) for pair in pairs])
 
@@ -182,9 +182,9 @@ def _ratio(
     system: System, nu: Float[Array, " m"], acceleration: Range, position: Range, velocity: Range
 ) -> Float[Array, " cells"]:
     """An upper bound of |φᵀν|/δ while the state stays in its ranges."""
-    ranges = (acceleration, *system.force_ranges(position, velocity))
-    total = plus(*(scaled(factor, x) for factor, x in zip(nu, ranges, strict=True)))
-    ratio = size(total).upper / system.disturbance_bound.range(position, velocity).lower
+    forces = system.force_ranges(position, velocity)
+    total = sum((n * f for n, f in zip(nu[1:], forces, strict=True)), start=nu[0] * acceleration)
+    ratio = abs(total).upper / system.disturbance_bound.range(position, velocity).lower
     return jnp.where(jnp.isnan(ratio), jnp.inf, ratio)  # what is unknown is not bounded
 
 

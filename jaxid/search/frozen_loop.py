@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid.model.interval_arithmetic import Range, around, plus
+from jaxid.model.interval_arithmetic import around, exactly
 from jaxid.model.system import System, smoothed
 from jaxid.motion.acceleration_limit import input_demand
 from jaxid.motion.inequalities import Inequalities
@@ -40,7 +40,7 @@ class FrozenLoop(Prediction):
 
     def __call__(self, trajectory: JerkTrajectory) -> Envelope:
         asked = _asked(self.model, trajectory, self.added.input.lower.size)
-        return Envelope(*(plus(a, b) for a, b in zip(asked, self.added, strict=True)))
+        return Envelope(*(a + b for a, b in zip(asked, self.added, strict=True)))
 
 
 def freeze(axis: Prediction, limits: Limits, trajectory: JerkTrajectory) -> FrozenLoop:
@@ -113,7 +113,7 @@ def _asked(system: System, trajectory: JerkTrajectory, ticks: int) -> Envelope:
     """What a motion itself asks for: its states after, and the input at the start of each tick."""
     period = trajectory.duration / ticks
     states = trajectory.states(jnp.arange(ticks + 1) * period)
-    after = [Range(x[1:], x[1:]) for x in (states.position, states.velocity)]
+    position, velocity = (exactly(x[1:]) for x in (states.position, states.velocity))
     demand = jax.tree.map(lambda x: x[:-1], input_demand(system, states))
     rate = jax.tree.map(lambda x: jnp.diff(x, prepend=x[:1]) / period, demand)
-    return Envelope(after[0], after[1], demand, rate)
+    return Envelope(position, velocity, demand, rate)
