@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test long check clean
+.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test long oldest check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.paper
@@ -58,13 +58,22 @@ test: $(READY)  ## every promise
 long: $(READY)  ## a log of 200 MB, read in little memory; six minutes
 	JAXID_LONG_LOG=200 $(BIN)/python -m pytest tests/test_long_log.py
 
+# an environment of its own with the oldest of everything, a command, and tests that touch all of it
+OLDEST := .venv-oldest
+oldest:  ## with the oldest versions that pyproject.toml allows: a few commands and tests
+	$(PYTHON) -m venv $(OLDEST)
+	$(PYTHON) tests/oldest.py > $(OLDEST)/oldest.txt
+	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c $(OLDEST)/oldest.txt -e '.[test]'
+	rm -rf $(OLDEST)/slide.toml && $(OLDEST)/bin/jaxid init $(OLDEST)/slide.toml
+	$(OLDEST)/bin/python -m pytest $(addprefix tests/test_,axis_file.py axis_sweep.py docstrings.py log_file.py setpoints.py sweep.py)
+
 check: $(READY)  ## lint and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/basedpyright
 
 clean:  ## the environment, and what programs have compiled
-	rm -rf $(VENV) "$${XDG_CACHE_HOME:-$$HOME/.cache}/jaxid"
+	rm -rf $(VENV) $(OLDEST) "$${XDG_CACHE_HOME:-$$HOME/.cache}/jaxid"
 
 # PIP_CONSTRAINT, not -c: it also pins what the build of the package itself needs
 $(READY): pyproject.toml constraints.txt

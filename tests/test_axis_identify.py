@@ -201,7 +201,7 @@ def test_a_log_of_any_motion_will_do(tmp_path):
     assert found.result.disturbance_factor < 1
     assert found.result.batches == 1
     # what is left of the input is not more than δ but for what least squares shift
-    assert np.max(np.abs(found.fit.rest)) < 2 * 0.25
+    assert np.max(np.abs(found.fit.residual)) < 2 * 0.25
     assert np.max(np.abs(found.fit.velocity)) == pytest.approx(
         float(jnp.max(jnp.abs(signals.velocity))), rel=0.05
     )

@@ -36,10 +36,10 @@ def test_a_fit_is_that_of_the_means_by_hand(jog):
     *phi, rest = (c[: 5 * count].reshape(count, 5).mean(axis=1) for c in columns)
     theta = np.linalg.lstsq(np.stack(phi, axis=1), rest, rcond=None)[0]
     np.testing.assert_allclose(found.theta, theta, rtol=1e-8)
-    np.testing.assert_allclose(found.rest, rest - np.stack(phi, axis=1) @ theta, atol=1e-8)
+    np.testing.assert_allclose(found.residual, rest - np.stack(phi, axis=1) @ theta, atol=1e-8)
     # the largest shift: that of a rest with the signs of the weights
     weights = np.linalg.pinv(np.stack(phi, axis=1))
-    worst = np.max(np.abs(found.rest)) * np.sum(np.abs(weights), axis=1)
+    worst = np.max(np.abs(found.residual)) * np.sum(np.abs(weights), axis=1)
     np.testing.assert_allclose(found.shift, worst, rtol=1e-8)
     # two halves of a log, apart: the mean across the cut is lost, and time goes on
     halves = [
@@ -61,15 +61,14 @@ def test_a_log_that_does_not_tell_parameters_apart_is_not_fitted():
         fit_least_squares(motor.system(), [Log(jnp.zeros(10), jnp.zeros(11), PERIOD, 0.0)])
 
 
-def test_short_pieces_of_a_long_log_are_fitted_too(jog, monkeypatch):
+def test_short_pieces_of_a_long_log_are_fitted_too(jog):
     """A mean is not of more ticks than a piece has, however many pieces there are."""
-    monkeypatch.setattr("jaxid.identification.least_squares._MEANS", 10)  # 300 ticks to a mean
     pieces = [
         Log(jog.input[a : a + 150], jog.position[a : a + 151], PERIOD, jog.resolution)
         for a in range(0, 3000, 150)
     ]
-    apart = fit_least_squares(motor.system(), pieces)
-    assert apart.rest.size == 20 * (149 // 15)
+    apart = fit_least_squares(motor.system(), pieces, means=10)  # 300 ticks to a mean
+    assert apart.residual.size == 20 * (149 // 15)
     np.testing.assert_allclose(apart.theta[0], TRUTH[0], rtol=0.05)
 
 

@@ -91,3 +91,19 @@ def test_it_goes_on_where_it_stopped(tmp_path, figures, monkeypatch, capsys):
     assert {row["logs"] for row in rows} == {"4"}
     assert "4 simulated logs, seed 0" in capsys.readouterr().out
     assert not options.folder.exists()
+
+
+def test_blocks_belong_to_the_code_that_made_them_in_whatever_folder(
+    tmp_path, figures, monkeypatch
+):
+    """A change in a file of a subfolder of the library makes another folder of blocks."""
+    library = tmp_path / "jaxid"
+    (library / "model").mkdir(parents=True)
+    for place in (library, library / "model"):
+        (place / "__init__.py").write_text("")
+    monkeypatch.setattr(honest.jaxid, "__file__", str(library / "__init__.py"))
+    options = Honest(tmp_path, figures)
+    before = options.folder
+    assert options.folder == before
+    (library / "model" / "__init__.py").write_text("changed = True")
+    assert options.folder != before

@@ -198,7 +198,7 @@ def draw(
     plots.label(left, "time (s)", "velocity (m/s)", "one motion for each model")
     for axis, colour in ((in_delta(), plots.BLUE), (known(), plots.RED)):
         found = fit_least_squares(axis, [log])
-        middle.plot(1000 * found.position, found.rest, ".", color=colour, markersize=3)
+        middle.plot(1000 * found.position, found.residual, ".", color=colour, markersize=3)
     plots.limit_lines(middle, (-REST, REST))
     title = f"rest by least squares, and ±{REST:g} N"
     plots.label(middle, "position (mm)", "rest of the input (N)", title)

@@ -267,7 +267,7 @@ def page(found: Identified) -> bytes:
         order = np.argsort(x)
         for sign in (-1, 1):
             panel.plot(x[order], sign * bound[order], color=plots.GREY, linewidth=1.2)
-        panel.plot(x, rest.rest, ".", color=plots.BLUE, markersize=2.5)
+        panel.plot(x, rest.residual, ".", color=plots.BLUE, markersize=2.5)
         plots.label(panel, name, "")
     title = "" if found.fit else "no fit by least squares"
     rest_of = f"rest of least squares ({system.input_unit}), ±δ grey"

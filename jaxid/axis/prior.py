@@ -100,7 +100,7 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
             "friction is; a term of the axis is missing, or a sign is wrong.",
         )
     known = system.with_box(jnp.asarray(lower), jnp.asarray(upper))
-    delta = MARGIN * _smallest(known, logs, found.rest)
+    delta = MARGIN * _smallest(known, logs, found.residual)
     return Proposal(axis, found.theta, lower, upper, delta)
 
 

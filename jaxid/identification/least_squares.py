@@ -11,7 +11,6 @@ from jaxid._checks import require
 from jaxid.loop.log import Log
 from jaxid.model.system import System
 
-_MEANS = 2000  # of all rows, at most
 _LEAST = 5  # rows of a mean, so that the noise of second differences is small
 _PIECES = 10  # means of a log of the usual length, at least
 _APART = 1e-3  # a combination of columns of length one that is shorter is zero to a fit
@@ -23,11 +22,11 @@ class LeastSquaresFit(NamedTuple):
 
     Attributes:
         theta: the estimate, shape (m,); no bound goes with it.
-        shift: of it by a disturbance as large as the largest rest, at worst; shape (m,).
+        shift: of it by a disturbance as large as the largest residual, at worst; shape (m,).
         time: s, since the first tick of the first log, gaps left out; shape (k,) as the others.
         position: m or rad.
         velocity: m/s or rad/s.
-        rest: of the input, in its unit: u − φᵀθ.
+        residual: of the input, in its unit: u − φᵀθ.
     """
 
     theta: Float[np.ndarray, " m"]
@@ -35,10 +34,10 @@ class LeastSquaresFit(NamedTuple):
     time: Float[np.ndarray, " k"]
     position: Float[np.ndarray, " k"]
     velocity: Float[np.ndarray, " k"]
-    rest: Float[np.ndarray, " k"]
+    residual: Float[np.ndarray, " k"]
 
 
-def fit_least_squares(system: System, logs: Sequence[Log]) -> LeastSquaresFit:
+def fit_least_squares(system: System, logs: Sequence[Log], means: int = 2000) -> LeastSquaresFit:
     """The θ of least squares, whatever the box.
 
     Velocities and accelerations are differences of positions, by the same stencil in all columns.
@@ -46,12 +45,13 @@ def fit_least_squares(system: System, logs: Sequence[Log]) -> LeastSquaresFit:
     Args:
         system: for its regressors.
         logs: of one axis.
+        means: of rows, at most, that the fit is made of.
 
     Raises:
         ValueError: if there are too few rows, or they cannot tell all parameters apart.
     """
     counts = [int(log.took_place().sum()) for log in logs]
-    width = max(min(sum(counts) // _MEANS, int(np.median(counts)) // _PIECES), _LEAST)
+    width = max(min(sum(counts) // means, int(np.median(counts)) // _PIECES), _LEAST)
     parts = [_means(system, log, n, width) for log, n in zip(logs, counts, strict=True)]
     phi, u, time, position, velocity = (np.concatenate(x) for x in zip(*parts, strict=True))
     require(
