@@ -5,6 +5,7 @@ import os
 import platform
 import signal
 import tempfile
+import warnings
 from pathlib import Path
 
 import jax
@@ -24,9 +25,10 @@ _MOST_COMPILED = 2_000_000_000  # bytes
 def configure() -> None:
     """Switch on double precision, folded loops, and a folder that keeps what is compiled.
 
-    Call it at the top of a program, before anything is computed. Loops are folded where the
-    installed jaxlib is known to take the option; `XLA_FLAGS` that already name it are left alone.
-    What one run compiles the next one reads: see `compilation_folder`.
+    Call it at the top of a program, before anything is computed, and after the process has been
+    bound to some of the processors, if it is. Loops are folded where the installed jaxlib is known
+    to take the option; `XLA_FLAGS` that already name it are left alone. What one run compiles the
+    next one reads: see `compilation_folder`.
     """
     jax.config.update("jax_enable_x64", True)
     _keep_compiled()
@@ -43,12 +45,15 @@ def configure() -> None:
 def compilation_folder() -> Path | None:
     """Where programs keep what they compile: `jaxid` in the user's cache folder, if it is writable.
 
-    Compiled code is for one type of processor, so each type has a folder inside.
+    Compiled code is for one type of processor, and is cut for the threads of one number of them,
+    which JAX does not tell apart: each has a folder inside. Code that was cut for others would be
+    slower, and nothing promises the same last bits.
+
     `JAX_COMPILATION_CACHE_DIR` names another place.
     """
     try:
         usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        folder = usual / "jaxid" / hashlib.sha256(_processor().encode()).hexdigest()[:16]
+        folder = usual / "jaxid" / hashlib.sha256(_machine().encode()).hexdigest()[:16]
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return folder
@@ -66,33 +71,42 @@ def _keep_compiled() -> None:
         jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    # JAX writes into place: what another process has not written to its end, or cannot write any
+    # more, is compiled again
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry")
 
 
 def _make_room(folder: Path, most: int = _MOST_COMPILED) -> None:
-    """Remove what was written first, until the folder is small enough.
+    """Remove what was used longest ago, until the folder is small enough, and what is empty.
 
-    JAX's own limit needs a lock and looks at every file for every entry that it adds.
+    JAX's own limit needs a lock and looks at every file for every entry that it adds. JAX never
+    replaces an entry: one that a killed process has left empty would be compiled in every run.
     """
     found = []
     for entry in os.scandir(folder):
         try:
-            found.append((entry.stat().st_mtime, entry.path, entry.stat().st_size))
+            state = entry.stat()
         except OSError:  # another process has removed it
             continue
+        # many systems note only the first reading of a day
+        used = max(state.st_atime, state.st_mtime) if state.st_size else 0.0
+        found.append((used, entry.path, state.st_size))
     total = sum(size for _, _, size in found)
     for _, path, size in sorted(found):
-        if total <= most:
+        if size and total <= most:
             return
         Path(path).unlink(missing_ok=True)
         total -= size
 
 
-def _processor() -> str:
-    """Type of the processor, and what it can do."""
+def _machine() -> str:
+    """Type of the processor and what it can do, and how many of them XLA compiles for."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []
     told = [line for line in lines if line.startswith(("model name", "flags", "Features"))]
-    return "\n".join([platform.machine(), platform.processor(), *sorted(set(told))])
+    threads = [os.environ.get(name, "") for name in ("NPROC", "PJRT_NPROC")]
+    kind = [platform.machine(), platform.processor(), *sorted(set(told))]
+    return "\n".join([*kind, str(processors()), *threads])
 
 
 def processors() -> int:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from processes import finish, start
 
-from jaxid.runtime import _make_room, compilation_folder
+import jaxid.runtime
+from jaxid.runtime import _make_room, compilation_folder, processors
 
 PROGRAM = """
 import jax
@@ -26,18 +27,50 @@ print(value.tolist(), sum("cache_hits" in name for name in hits) > 0)
 
 
 def run(**variables):
-    (printed,) = finish(start("-c", PROGRAM, JAX_COMPILATION_CACHE_DIR="", **variables))
+    """What it computes, and whether any of it was read. A warning would end it."""
+    program = ("-W", "error::UserWarning", "-c", PROGRAM)
+    (printed,) = finish(start(*program, JAX_COMPILATION_CACHE_DIR="", **variables))
     return printed.strip().rpartition(" ")[::2]
 
 
 def test_a_second_process_reads_what_the_first_has_compiled(tmp_path):
+    fresh, hit = run(XDG_CACHE_HOME=tmp_path, JAX_ENABLE_COMPILATION_CACHE=0)
+    assert hit == "False"
     first, hit = run(XDG_CACHE_HOME=tmp_path)
     assert hit == "False"
     kept = list((tmp_path / "jaxid").rglob("*-cache"))
     assert kept
     again, hit = run(XDG_CACHE_HOME=tmp_path)
     assert hit == "True"
-    assert again == first
+    assert again == first == fresh
+
+
+def test_what_is_written_in_part_is_compiled_again(tmp_path):
+    """By another process, at the moment; an entry that stays empty is written again."""
+    first, _ = run(XDG_CACHE_HOME=tmp_path)
+    kept = list((tmp_path / "jaxid").rglob("*-cache"))
+    assert kept
+    for entry in kept:
+        entry.write_bytes(entry.read_bytes()[:-10])
+    assert run(XDG_CACHE_HOME=tmp_path) == (first, "False")
+    for entry in kept:
+        entry.write_bytes(b"")
+    assert run(XDG_CACHE_HOME=tmp_path) == (first, "False")
+    assert run(XDG_CACHE_HOME=tmp_path) == (first, "True")
+
+
+def test_each_number_of_threads_has_its_folder(tmp_path, monkeypatch):
+    """XLA cuts long loops by it, which JAX's names of the entries do not tell."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folders = [compilation_folder(), compilation_folder()]
+    monkeypatch.setenv("NPROC", str(processors() + 1))
+    folders.append(compilation_folder())
+    monkeypatch.delenv("NPROC")
+    monkeypatch.setattr(jaxid.runtime, "processors", lambda: processors() + 1)
+    folders.append(compilation_folder())
+    assert None not in folders
+    assert folders[0] == folders[1]
+    assert len(set(folders)) == 3
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(tmp_path):
@@ -68,10 +101,14 @@ def test_a_folder_of_ones_own_is_left_alone(tmp_path):
     assert not (tmp_path / "usual").exists()
 
 
-def test_the_oldest_entries_make_room(tmp_path):
+def test_what_was_used_longest_ago_makes_room_and_what_is_empty(tmp_path):
     now = time.time()
-    for k in range(5):
-        (tmp_path / f"{k}-cache").write_bytes(bytes(100))
-        os.utime(tmp_path / f"{k}-cache", (now, now - 100 + k))
+    written = {"a": 100, "b": 90, "read": 95, "c": 80, "empty": 0}  # seconds ago
+    for name, ago in written.items():
+        (tmp_path / name).write_bytes(bytes(0 if name == "empty" else 100))
+        read = now if name == "read" else now - ago
+        os.utime(tmp_path / name, (read, now - ago))
+    _make_room(Path(tmp_path), most=400)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c", "read"]
     _make_room(Path(tmp_path), most=250)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["3-cache", "4-cache"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["c", "read"]

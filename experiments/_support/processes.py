@@ -91,7 +91,7 @@ def processors() -> list[int]:
 
 
 def pin(processor: int) -> None:
-    """Stay on one processor, where the system can be told so; before JAX starts its threads."""
+    """Stay on one processor, where the system can be told so; before `configure`."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {processor})
 
@@ -110,7 +110,7 @@ def make_room(most: int = 30_000) -> None:
 
 def _begin(counter: "Synchronized[int]") -> None:
     """One processor per process: two searches side by side then take no longer than one."""
-    configure()
     with counter.get_lock():
         pin(processors()[counter.value % len(processors())])
         counter.value += 1
+    configure()

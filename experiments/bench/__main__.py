@@ -47,6 +47,7 @@ def asked(bench: Bench) -> list[Callable[[], list[Answer]]]:
     """The questions in the order of the table. A toy starts no other process."""
     available, count = processors(), bench.repetitions
     pin(available[0])
+    configure()
     if bench.toy:
         return [lambda: loop_against_c.ask(1, 2), lambda: batches.ask((1, 8), 2), accuracy.ask]
     return [
@@ -86,5 +87,4 @@ def title() -> str:
 
 
 if __name__ == "__main__":
-    configure()
     main(tyro.cli(Bench))
