@@ -31,9 +31,9 @@ class Range(eqx.Module):
     """All numbers from `lower` to `upper`, entry by entry, with the operators of numbers.
 
     `+`, `-`, `*`, `/` and `abs` give the range of the result. `x | y` is the smallest range that
-    contains both, `x & y` what both have in common. One operand may be a number or an array, of
-    JAX or NumPy, on either side: it stands for the range of that one value. `lower, upper = x`
-    unpacks the ends.
+    contains both (the hull), `x & y` what both have in common (the intersection). One operand may
+    be a number or an array, of JAX or NumPy, on either side: it stands for the range of that one
+    value, and as a divisor must not be zero. `lower, upper = x` unpacks the ends.
 
     A range whose lower end is above its upper one is empty, as `x & y` is if x and y have no value
     in common. Of the operators only `&` is sure to keep it empty: look at it before others follow.
@@ -108,7 +108,7 @@ class Range(eqx.Module):
     __radd__, __rmul__, __ror__, __rand__ = __add__, __mul__, __or__, __and__
 
     def __eq__(self, other: object) -> Any:
-        """Whether all ends of two ranges are the same."""
+        """Whether all ends of two ranges are the same; any other comparison is refused below."""
         return super().__eq__(other) if isinstance(other, Range) else self < other
 
     __lt__ = __le__ = __gt__ = __ge__ = __contains__ = _refused(
@@ -123,12 +123,12 @@ class Range(eqx.Module):
 
 
 def exactly(value: Number) -> Range:
-    """The range that holds one number."""
+    """The range that holds one number, or one array entry by entry."""
     return Range(value, value)
 
 
 def around(radius: Values | float) -> Range:
-    """±radius."""
+    """±radius: all numbers from −radius to radius."""
     return Range(-radius, radius)
 
 
