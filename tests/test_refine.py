@@ -151,9 +151,7 @@ def test_limits_hold_for_the_very_motion_that_is_returned(motion, steps):
 
 
 def test_stepping_back_needs_a_motion_that_keeps_the_limits(problem, motion):
-    with pytest.raises(
-        ValueError, match="`interior_motion` must keep all limits, but leaves them by"
-    ):
+    with pytest.raises(ValueError, match="`inside` must keep all limits, but leaves them by"):
         stepped_back(problem, motion, motion)
 
 
