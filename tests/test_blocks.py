@@ -128,7 +128,7 @@ PENDULUMS = """
 import os, signal, sys
 from pathlib import Path
 import jax, jax.numpy as jnp, numpy as np
-from jaxid.blocks import Work, collect, compute
+from jaxid.sweep.blocks import Work, collect, compute
 from jaxid.runtime import configure, connect
 
 def pendulum(damping, index):
@@ -170,8 +170,8 @@ def test_the_same_bits_on_any_devices_and_processes_and_after_kill_9(tmp_path):
     for devices in (1, 2):
         coordinator = f"127.0.0.1:{free_port(20_000 * devices, 20_000 * devices + 10_000)}"
         running += [pendulums(f"2x{devices}", devices, -1, coordinator, 2, k) for k in range(2)]
-    killed.communicate(timeout=SECONDS)
-    assert killed.returncode == -signal.SIGKILL
+    _, errors = killed.communicate(timeout=SECONDS)
+    assert killed.returncode == -signal.SIGKILL, errors
     # two rounds of two blocks, less the one that was not in its place yet
     assert len(list((tmp_path / "1x2").glob("block_*"))) == 3
     written, *others = finish(pendulums("1x2", 2), *running)

@@ -16,6 +16,7 @@ from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import Moment
 from jaxid.motion.violation import worst_violation
+from jaxid.search.problem import Problem
 
 pytestmark = pytest.mark.usefixtures("quick_compilation")
 
@@ -72,7 +73,7 @@ def test_a_price_on_heat_buys_a_cool_motor_with_a_little_error(figures):
     paths = [figures / f"pendulum_{name}.csv" for name in ("J", "cool")]
     motions = [read_trajectory(path, "rotary") for path in paths]
     for price, k in ((0.0, 0), (pendulum.PRICE, 1)):
-        problem = pendulum.task().problem(pendulum.objective(price))
+        problem = Problem.of(pendulum.task(), pendulum.objective(price))
         values = [float(problem.value(motion)) for motion in motions]
         assert values[k] < values[1 - k]
 

@@ -15,7 +15,7 @@ class Task(NamedTuple):
         intervals: of constant jerk (2·N_i in the paper).
         period: of each interval, s.
         axis: what the axis does along a motion, if the limits are to hold for it too; a search
-            calls it very often, so not a simulation (see `jaxid.search.frozen_loop.perfect`).
+            calls it very often, so not a simulation (see `jaxid.search.frozen_loop.freeze`).
         size: pad to this many intervals, so that several lengths share one compilation.
 
     Example:
