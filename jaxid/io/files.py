@@ -14,7 +14,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from jaxid._checks import require
-from jaxid.motion.trajectory import JerkTrajectory, uniform
+from jaxid.motion.trajectory import JerkTrajectory, trimmed, uniform
 
 UNITS = {"linear": "m", "rotary": "rad"}
 STATES = ("position", "velocity", "acceleration", "jerk")
@@ -60,6 +60,7 @@ def read_table(path: Path) -> list[dict[str, str]]:
 
 def write_trajectory(path: Path, trajectory: JerkTrajectory, coordinate: str = "linear") -> None:
     """One row per knot; the jerk of a row holds until the next, that of the last row is zero."""
+    trajectory = trimmed(trajectory)
     y, v, a = (np.asarray(x) for x in trajectory.knot_states())
     jerk = np.append(np.asarray(trajectory.jerk), 0.0)
     # multiples of a period are written as such, not as sums of rounded ones

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from jaxid._types import Scalar
 from jaxid.motion.motion_space import MotionSpace, motion_space
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.search.frozen_loop import freeze
 from jaxid.search.problem import Multipliers, Problem
 from jaxid.search.restoration import interior_motion
@@ -68,7 +68,7 @@ def refine(
 
     Args:
         problem: objective, limits and what the axis does.
-        start: a motion of intervals of equal duration, without padding.
+        start: a motion of intervals of equal duration.
         effort: how long to improve.
         report: told what goes on, a few words at a time.
 
@@ -76,6 +76,7 @@ def refine(
         ValueError: if not even the motion that stays farthest inside its limits keeps those of the
             axis.
     """
+    start = trimmed(start)
     intervals, period = start.jerk.size, float(start.durations[0])
     deep = interior_motion(problem, intervals, period)
     space = motion_space(problem.limits, problem.boundary, intervals, period)
