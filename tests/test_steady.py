@@ -21,7 +21,7 @@ def check(log, pieces, time, delay=0):
     """Everything that a piece promises, from the rows of the file."""
     for piece in pieces:
         one, first, last = piece.log, piece.first, piece.last
-        n = one.input.size if one.count is None else int(one.count)
+        n = int(one.took_place().sum())
         skipped = first + delay + (one.jitter > 0)
         assert n == last - skipped
         ticks = skipped + np.arange(n)

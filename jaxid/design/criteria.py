@@ -19,7 +19,7 @@ from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System, smoothed
 from jaxid.motion.task import Task
-from jaxid.motion.trajectory import JerkTrajectory, States
+from jaxid.motion.trajectory import JerkTrajectory, States, ticks_of
 from jaxid.regression.filters import filtered
 from jaxid.regression.worst_case import (
     Norm,
@@ -134,7 +134,7 @@ class PerfectTracking(eqx.Module):
         criterion: of the record.
         speed: over which jumps are spread at smoothing 1, m/s or rad/s.
         period: of the record's ticks, s.
-        ticks: of one motion.
+        ticks: of the longest motion.
         repeats: how many times it is run, back to back, from rest.
     """
 
@@ -151,8 +151,10 @@ class PerfectTracking(eqx.Module):
         step = jnp.abs(states.acceleration) * self.period / 2
         measure = jnp.full(self.ticks, self.period)
         rows = rows_of(smoothed(self.system, smoothing * self.speed + step), states, measure)
-        rows = jax.tree.map(lambda x: jnp.tile(x, self.repeats), rows)
-        return self.criterion(Record(rows, jnp.zeros_like(rows.delta), None), smoothing)
+        ticks = ticks_of(trajectory, self.period, self.ticks, self.repeats)
+        rows = jax.tree.map(ticks.repeated, rows)
+        record = Record(rows, jnp.zeros_like(rows.delta), None).only(ticks.counted)
+        return self.criterion(record, smoothing)
 
 
 class ThroughLoop(eqx.Module):

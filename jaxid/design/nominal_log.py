@@ -13,12 +13,12 @@ from jaxid._types import Scalar, dot
 from jaxid.loop.closed_loop import ClosedLoop, closed_loop
 from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import NoDisturbance
-from jaxid.loop.log import Log
+from jaxid.loop.log import Log, whole
 from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System
-from jaxid.motion.trajectory import JerkTrajectory, States
+from jaxid.motion.trajectory import JerkTrajectory, States, ticks_of
 
 
 class NominalLog(eqx.Module):
@@ -36,7 +36,7 @@ class ExactTracking(NominalLog):
         system: for the middle of its box.
         period: of the servo, s.
         resolution: of the encoder, m or rad.
-        count: of ticks.
+        count: of ticks of the longest motion.
     """
 
     system: System
@@ -47,9 +47,10 @@ class ExactTracking(NominalLog):
     def __call__(self, trajectory: JerkTrajectory) -> tuple[Log, States]:
         h = self.period
         position = trajectory.states(jnp.arange(self.count + 1) * h).position
-        states = trajectory.states((jnp.arange(self.count) + 0.5) * h)
+        ticks = ticks_of(trajectory, h, self.count)
+        states = ticks.held(trajectory.states((jnp.arange(self.count) + 0.5) * h))
         input = dot(self.system.regressors(*states), self.system.centre)
-        return Log(input, position, h, self.resolution), states
+        return Log(input, position, h, self.resolution, _count=ticks.count), states
 
 
 class ClosedLoopTracking(NominalLog):
@@ -70,7 +71,8 @@ class ClosedLoopTracking(NominalLog):
         ends = signals.position, signals.velocity
         position, velocity = (x[:: self.loop.substeps] for x in ends)
         y, v = ((x[:-1] + x[1:]) / 2 for x in (position, velocity))
-        log = Log(signals.input, position, self.loop.period, self.resolution)
+        count = self.loop.ticks_of(trajectory).total
+        log = Log(signals.input, position, self.loop.period, self.resolution, _count=count)
         return log, States(y, v, record.rows.columns[0])
 
 
@@ -80,7 +82,7 @@ def nominal_log_model(
     servo: Servo,
     controller: Controller | None = None,
 ) -> NominalLog:
-    """The nominal log as a differentiable function of motions as long as this one.
+    """The nominal log as a differentiable function of motions as long as this one, or shorter.
 
     The arguments are those of `nominal_log`.
     """
@@ -113,4 +115,4 @@ def nominal_log(
 
 @eqx.filter_jit
 def _log(model: NominalLog, trajectory: JerkTrajectory) -> Log:
-    return model(trajectory)[0]
+    return whole(model(trajectory)[0])  # as long as the motion that the model is for

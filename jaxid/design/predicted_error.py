@@ -19,7 +19,7 @@ from jaxid._types import Scalar, as_interval
 from jaxid.design.criteria import Criterion, LeastSquaresError
 from jaxid.design.nominal_log import NominalLog, nominal_log, nominal_log_model
 from jaxid.identification.intervals import guaranteed_intervals, narrowed
-from jaxid.identification.modulating_functions import optimal
+from jaxid.identification.modulating_functions import optimal, pieces
 from jaxid.identification.regression_rows import RegressionRows, hats
 from jaxid.identification.state_bounds import StateBounds, state_bounds
 from jaxid.loop.controllers import Controller
@@ -109,10 +109,11 @@ class GuaranteedError(eqx.Module):
         box = self.system.half_widths
 
         def solve(*arrays: Any) -> tuple[np.ndarray, np.ndarray]:
-            phi, delta, noise, box = map(np.asarray, arrays)
-            return optimal(phi, delta, noise, box, np.eye(m), self.knots)
+            phi, delta, measure, noise, box = map(np.asarray, arrays)
+            return optimal(phi, delta, noise, box, np.eye(m), self.knots, pieces(measure))
 
-        return jax.pure_callback(solve, shapes, rows.regressors, rows.delta, noise, box)
+        arrays = rows.regressors, rows.delta, rows.measure, noise, box
+        return jax.pure_callback(solve, shapes, *arrays, vmap_method="sequential")
 
 
 def require_targets(system: System, targets: Float[Array, "..."]) -> None:

@@ -47,7 +47,7 @@ def modulating(
     return jnp.asarray(optimal(phi, delta, noise, half_widths, functionals, knots, runs)[0])
 
 
-def pieces(measure: Float[Array, " n"]) -> Pieces:
+def pieces(measure: Float[Array | np.ndarray, " n"]) -> Pieces:
     """The rows of each log: what padding parts."""
     counted = np.pad(np.asarray(measure) > 0, 1).astype(int)
     starts, stops = (np.flatnonzero(np.diff(counted) == sign) for sign in (1, -1))

@@ -62,7 +62,7 @@ class RegressionRows(eqx.Module):
 
     def counted(self, weights: Float[Array, "k n"]) -> Float[Array, "k n"]:
         """Without those of padding, whose rows say nothing, but which a stencil would meet."""
-        return jnp.where(self.record.rows.measure > 0, weights, 0.0)
+        return jnp.where(self.record.rows.counted, weights, 0.0)
 
     def shared(self, weights: Float[Array, "k n"]) -> Float[Array, " k"]:
         """The worst of all channels."""

@@ -18,7 +18,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from jaxid._checks import require
-from jaxid.motion.trajectory import JerkTrajectory, uniform
+from jaxid.motion.trajectory import JerkTrajectory, trimmed, uniform
 
 UNITS = {"linear": "m", "rotary": "rad"}
 STATES = ("position", "velocity", "acceleration", "jerk")
@@ -73,6 +73,7 @@ def table_in(data: bytes) -> list[dict[str, str]]:
 
 def trajectory_bytes(trajectory: JerkTrajectory, coordinate: str = "linear") -> bytes:
     """A CSV table of knots; the jerk of a row holds until the next, and the last one is zero."""
+    trajectory = trimmed(trajectory)
     y, v, a = (np.asarray(x) for x in trajectory.knot_states())
     jerk = np.append(np.asarray(trajectory.jerk), 0.0)
     # multiples of a period are written as such, not as sums of rounded ones

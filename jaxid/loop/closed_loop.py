@@ -19,7 +19,8 @@ from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.model.interval_arithmetic import Range, exactly
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
-from jaxid.motion.trajectory import JerkTrajectory, reference
+from jaxid.motion.ticks import Ticks
+from jaxid.motion.trajectory import JerkTrajectory, reference, ticks_of
 from jaxid.motion.violation import Envelope, Prediction, axis_violations
 
 
@@ -30,7 +31,8 @@ class ClosedLoop(eqx.Module):
         controller: any feedback law.
         sensor: what the controller sees.
         period: of the controller, s.
-        ticks: of one motion.
+        ticks: of the longest motion. Rows of a shorter one that stand for none of its ticks have no
+            measure, and its signals stay there what they were in its last tick.
         repeats: how many times the motion is run, back to back, from rest.
         substeps: Runge-Kutta steps per tick.
     """
@@ -45,7 +47,23 @@ class ClosedLoop(eqx.Module):
     def __call__(self, plant: Plant, trajectory: JerkTrajectory) -> tuple[Record, Signals]:
         """Run the motion on a plant."""
         desired = reference(trajectory, self.period, self.ticks, self.repeats)
-        return simulate(plant, self.controller, self.sensor, desired, self.period, self.substeps)
+        found = simulate(plant, self.controller, self.sensor, desired, self.period, self.substeps)
+        return _within(self.ticks_of(trajectory), self.substeps, *found)
+
+    def ticks_of(self, trajectory: JerkTrajectory) -> Ticks:
+        """Which ticks are those of a motion."""
+        return ticks_of(trajectory, self.period, self.ticks, self.repeats)
+
+
+@eqx.filter_jit
+def _within(
+    ticks: Ticks, substeps: int, record: Record, signals: Signals
+) -> tuple[Record, Signals]:
+    """What there is until the end of the last tick."""
+    steps = ("time", "position", "velocity")
+    held = {name: ticks.held(getattr(signals, name), substeps, first=1) for name in steps}
+    others = {name: ticks.held(x) for name, x in signals._asdict().items() if name not in steps}
+    return record.only(ticks.counted), Signals(**held, **others)
 
 
 class SampledPlants(Prediction):
@@ -88,9 +106,12 @@ def plant_violations(
 
 @eqx.filter_jit
 def _envelope(loop: ClosedLoop, scenarios: Scenarios, trajectory: JerkTrajectory) -> Envelope:
+    ticks = loop.ticks_of(trajectory)
+
     def extremes(values: Float[Array, "k n"]) -> Range:
         # at each tick of the motion: over plants, repeats and the steps within the tick
-        apart = values.reshape(values.shape[0], loop.repeats, loop.ticks, -1)
+        by_tick = values.reshape(values.shape[0], loop.repeats * loop.ticks, -1)
+        apart = jax.vmap(ticks.by_repeat)(by_tick)
         lost = jnp.isnan(apart)  # a loop that diverged may be anywhere
         lower, upper = (jnp.where(lost, end, apart) for end in (-jnp.inf, jnp.inf))
         return Range(jnp.min(lower, (0, 1, 3)), jnp.max(upper, (0, 1, 3)))
@@ -102,6 +123,7 @@ def _columns(loop: ClosedLoop, plant: Plant, trajectory: JerkTrajectory) -> tupl
     """Position and velocity after every step; input and its rate at every tick."""
     signals = loop(plant, trajectory)[1]
     rate = jnp.diff(signals.input, prepend=jnp.zeros(1)) / loop.period
+    rate = loop.ticks_of(trajectory).held(rate)
     return signals.position[1:], signals.velocity[1:], signals.input, rate
 
 

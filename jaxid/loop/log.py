@@ -40,8 +40,6 @@ class Log(eqx.Module):
         jitter: s, at most a tenth of the period.
         outer: the inputs before the first tick and after the last one, of which jitter lets a
             little in; default those of the first and the last.
-        count: of ticks, from the first one on, that took place; the others only fill up the arrays,
-            so that logs of different lengths can have one shape. Default all.
     """
 
     input: Float[Array, " n"]
@@ -50,7 +48,8 @@ class Log(eqx.Module):
     resolution: Scalar = eqx.field(converter=jnp.asarray)
     jitter: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
     outer: Float[Array, "2"] | None = None
-    count: Int[Array, ""] | None = None
+    # of ticks, from the first one on, that took place, None for all: see `filled`
+    _count: Int[Array, ""] | None = None
 
     def __check_init__(self) -> None:
         require_positive("period", "a log", self.period)
@@ -90,9 +89,9 @@ class Log(eqx.Module):
         return self.resolution / 2 + lost + self.jitter * speed
 
     def took_place(self) -> Bool[Array, " n"]:
-        """Which ticks did."""
+        """Which ticks did: the others only fill up the arrays."""
         ticks = jnp.arange(self.input.size)
-        return ticks < (self.input.size if self.count is None else self.count)
+        return ticks < (self.input.size if self._count is None else self._count)
 
     def acting(self) -> Range:
         """All inputs that act in each tick: with jitter the neighbours', too."""
@@ -118,7 +117,11 @@ class Log(eqx.Module):
 
 
 def filled(log: Log, ticks: int) -> Log:
-    """The log with arrays for so many ticks, or more than that if it has more."""
+    """The log with arrays for so many ticks, or more than that if it has more.
+
+    Logs of different length then share one shape, and one compilation. No function of a log gives
+    another number for it.
+    """
     more = max(ticks - log.input.size, 0)
     last = log.input[-1] if log.outer is None else log.outer[1]
     outer = jnp.stack([log.input[0], last]) if log.outer is None else log.outer
@@ -129,5 +132,10 @@ def filled(log: Log, ticks: int) -> Log:
         log.resolution,
         log.jitter,
         outer,
-        jnp.asarray(log.input.size) if log.count is None else log.count,
+        jnp.asarray(log.input.size) if log._count is None else log._count,
     )
+
+
+def whole(log: Log) -> Log:
+    """The log of which it is known that all of its ticks took place."""
+    return eqx.tree_at(lambda x: x._count, log, None, is_leaf=lambda x: x is None)

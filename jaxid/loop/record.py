@@ -9,8 +9,9 @@ test function, a hat over two ticks or a filter's impulse response another: the 
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxid.model.system import System
 from jaxid.motion.trajectory import States
@@ -23,12 +24,17 @@ class Rows(eqx.Module):
         columns: the m columns of Φ, each of shape (n,); apart, since a gradient through slices of
             one (n, m) array takes twice as long.
         delta: δ_k, shape (n,), in the unit of the input.
-        measure: what row k counts in an integral over time, s; zero for padding.
+        measure: what row k counts in an integral over time, s. A row without measure says nothing.
     """
 
     columns: tuple[Float[Array, " n"], ...]
     delta: Float[Array, " n"]
     measure: Float[Array, " n"]
+
+    @property
+    def counted(self) -> Bool[Array, " n"]:
+        """Which rows say something: the others may be anything finite."""
+        return self.measure > 0
 
     @property
     def regressors(self) -> Float[Array, "n m"]:
@@ -48,6 +54,11 @@ class Record(eqx.Module):
     rows: Rows
     input: Float[Array, " n"]
     disturbance: Float[Array, " n"] | None
+
+    def only(self, counted: Bool[Array, " n"]) -> "Record":
+        """The record whose other rows are zero and have no measure: padding."""
+        # nothing of them: what a loop that diverges leaves there would spoil 0·x of the measure
+        return jax.tree.map(lambda column: jnp.where(counted, column, 0.0), self)
 
 
 def rows_of(system: System, states: States, measure: Float[Array, " n"]) -> Rows:

@@ -1,8 +1,9 @@
 """The drive that runs a motion and records its log: sample period, encoder, delay, timing."""
 
 import equinox as eqx
+import jax.numpy as jnp
 
-from jaxid._checks import require, require_at_least_zero, require_positive
+from jaxid._checks import is_concrete, require, require_at_least_zero, require_positive
 from jaxid.loop.controllers import Controller, Delayed
 from jaxid.loop.log import JITTER, Log
 from jaxid.loop.sensors import Encoder
@@ -77,4 +78,7 @@ class Servo(eqx.Module):
         """
         steps = (signals.position.size - 1) // signals.input.size
         position = self.sensor.quantise(signals.position[::steps])
-        return Log(signals.input, position, self.period, self.resolution, self.jitter)
+        counted = signals.counted
+        whole = is_concrete(counted) and bool(jnp.all(counted))
+        count = None if whole else jnp.sum(counted)
+        return Log(signals.input, position, self.period, self.resolution, self.jitter, _count=count)

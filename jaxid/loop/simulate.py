@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxid._types import Scalar
 from jaxid.loop.controllers import Controller
@@ -52,6 +52,12 @@ class Signals(NamedTuple):
     input: Float[Array, " n"]
     reference: States
     controller: Any
+
+    @property
+    def counted(self) -> Bool[Array, " n"]:
+        """Which ticks there are: the others, that only fill up the arrays, take no time."""
+        steps = (self.time.size - 1) // self.input.size
+        return jnp.diff(self.time[::steps]) > 0
 
 
 class _Carry(NamedTuple):

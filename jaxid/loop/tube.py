@@ -50,7 +50,7 @@ from jaxid.loop.controllers import ARC
 from jaxid.loop.sensors import Sensor, SensorError
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.system import System
-from jaxid.motion.trajectory import JerkTrajectory, States, reference
+from jaxid.motion.trajectory import JerkTrajectory, States, reference, ticks_of
 from jaxid.motion.violation import Envelope, Prediction
 
 # outward at every tick and of every result, relative to 1 and to what is rounded: far more than all
@@ -83,7 +83,7 @@ class Tube(Prediction):
         sensor: what the controller sees.
         cells: of θ, shape (c, m), that cover Ω_θ; what they leave out is not proved.
         period: of the controller, s.
-        ticks: of one motion.
+        ticks: of the longest motion; after the last tick of a shorter one its ranges stay.
         repeats: how many times it is run, back to back, from rest.
     """
 
@@ -145,12 +145,14 @@ class _Cell(NamedTuple):
 def _merged(tube: Tube, trajectory: JerkTrajectory) -> Envelope:
     now = _changes(tube, trajectory)
     found = jax.vmap(lambda theta: _one_cell(tube, now, theta))(tube.cells)
+    ticks = ticks_of(trajectory, tube.period, tube.ticks, tube.repeats)
 
     def union(x: Range) -> Range:
         # a range that is no number bounds nothing
-        lower = jnp.where(jnp.isnan(x.lower), -jnp.inf, x.lower).reshape(-1, tube.ticks)
-        upper = jnp.where(jnp.isnan(x.upper), jnp.inf, x.upper).reshape(-1, tube.ticks)
-        found = Range(jnp.min(lower, axis=0), jnp.max(upper, axis=0))
+        lower = jnp.where(jnp.isnan(x.lower), -jnp.inf, x.lower)
+        upper = jnp.where(jnp.isnan(x.upper), jnp.inf, x.upper)
+        lower, upper = (jax.vmap(ticks.by_repeat)(end) for end in (lower, upper))
+        found = Range(jnp.min(lower, axis=(0, 1)), jnp.max(upper, axis=(0, 1)))
         return found + around(_ROUNDING * (1 + abs(found).upper))
 
     return Envelope(*map(union, found))

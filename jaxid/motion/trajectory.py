@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxid._checks import require
 from jaxid._types import Motion, Scalar
+from jaxid.motion.ticks import Ticks
 
 
 class States(NamedTuple):
@@ -48,6 +49,11 @@ class JerkTrajectory(eqx.Module):
     start: Float[Array, "3"]
     jerk: Float[Array, " n"]
     durations: Float[Array, " n"]
+
+    @property
+    def counted(self) -> Bool[Array, " n"]:
+        """Which intervals last: the others say nothing of the motion, whatever their jerk."""
+        return self.durations > 0
 
     @property
     def duration(self) -> Scalar:
@@ -98,8 +104,12 @@ class JerkTrajectory(eqx.Module):
             _span(y, *(s.position for s in inner)),
             _span(v, inner[0].velocity),
             _span(a),
-            _span(self.jerk),
+            _span(self._lasting_jerk()),
         )
+
+    def _lasting_jerk(self) -> Float[Array, " n"]:
+        """The jerk, that of the first interval that lasts for those that do not."""
+        return jnp.where(self.counted, self.jerk, self.jerk[jnp.argmax(self.counted)])
 
 
 def uniform(start: Float[Array, "3"], jerk: Float[Array, " n"], period: float) -> JerkTrajectory:
@@ -128,33 +138,19 @@ def reference(
     Args:
         trajectory: should end in the state it starts from, or the reference jumps.
         period: of the controller, s.
-        ticks: of one motion, see `ticks`.
+        ticks: of one motion, see `ticks`. Of a shorter one the repeats follow one another as soon,
+            and after the last one the axis is left where it is.
         repeats: how many times the motion is run.
     """
     once = trajectory.states(jnp.arange(ticks) * period)
-    return States(*(jnp.tile(x, repeats) for x in once))
+    return States(*map(ticks_of(trajectory, period, ticks, repeats).repeated, once))
 
 
-def padded_reference(
-    trajectory: JerkTrajectory,
-    period: Scalar | float,
-    ticks: Int[Array, ""],
-    repeats: int,
-    size: int,
-) -> States:
-    """`reference` in arrays of any `size`: after the last repeat the axis is left where it is.
-
-    Motions of different length then share one shape, and one compilation.
-
-    Args:
-        trajectory: padded itself, with intervals of no duration.
-        period: of the controller, s.
-        ticks: of one motion, without padding.
-        repeats: how many times the motion is run.
-        size: how many ticks to return, not below repeats·ticks.
-    """
-    tick = jnp.arange(size)
-    return trajectory.states(jnp.where(tick < repeats * ticks, tick % ticks, ticks) * period)
+def ticks_of(
+    trajectory: JerkTrajectory, period: Scalar | float, most: int, repeats: int = 1
+) -> Ticks:
+    """Which of so many ticks are those of a motion; unlike for `ticks` it may be traced."""
+    return Ticks.of(trajectory.duration, period, most, repeats)
 
 
 def _running(first: Scalar, increments: Float[Array, " n"]) -> Float[Array, " n+1"]:

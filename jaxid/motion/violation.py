@@ -13,6 +13,8 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
+_KEPT = -1.0  # half-widths: of what is no condition, as far from its limit as can be
+
 
 def violations(
     limits: Limits, boundary: Boundary, trajectory: JerkTrajectory
@@ -24,9 +26,13 @@ def violations(
     """
     inner = trajectory.inside(jnp.array([0.5, 1.0], trajectory.jerk.dtype))
     # the acceleration is linear between the knots: its ends are enough
-    values = (inner.position, inner.velocity, inner.acceleration[:, 1], trajectory.jerk)
+    values = (inner.position, inner.velocity, inner.acceleration[:, 1:], trajectory.jerk[:, None])
     intervals = (*limits.motion, limits.jerk)
-    sides = [_beyond(x, interval) for x, interval in zip(values, intervals, strict=True)]
+    counted = trajectory.counted[:, None]
+    sides = [
+        jnp.where(counted, _beyond(x, interval), _KEPT)
+        for x, interval in zip(values, intervals, strict=True)
+    ]
     return (*sides, _via_excess(limits, boundary, trajectory))
 
 
@@ -101,5 +107,5 @@ def _via_excess(
         # equalities are met by construction: what is left of them is rounding
         free = via.lower < via.upper
         for side in (state - via.upper, via.lower - state):
-            parts.append(jnp.where(free & jnp.isfinite(side), side / scale, -1.0))
+            parts.append(jnp.where(free & jnp.isfinite(side), side / scale, _KEPT))
     return jnp.concatenate(parts)

@@ -47,8 +47,8 @@ class LeastSquares(Estimator):
     def __call__(
         self, rows: Rows, half_widths: Float[Array, " m"], norm: Norm | None = None
     ) -> Float[Array, "k n"]:
-        counts = rows.measure > 0  # δ may be zero elsewhere
-        trust = rows.measure / jnp.where(counts, rows.delta, 1.0) ** self.power
+        # δ may be zero elsewhere
+        trust = rows.measure / jnp.where(rows.counted, rows.delta, 1.0) ** self.power
         return least_squares(eqx.tree_at(lambda r: r.measure, rows, trust), norm)
 
 

@@ -133,7 +133,7 @@ def _optimal(
 
 def _counted(rows: Rows) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, " n"]]:
     """Columns and δ, with 0 ≤ 1 in rows that have no measure."""
-    counts = rows.measure > 0
+    counts = rows.counted
     columns = tuple(jnp.where(counts, column, 0.0) for column in rows.columns)
     return columns, jnp.where(counts, rows.delta, 1.0)
 
@@ -270,7 +270,7 @@ def _leaving(x: Float[Array, " m"], change: Float[Array, " m"], excess: Scalar) 
 
 
 def _require_bounded(rows: Rows, half_widths: Float[Array, " m"]) -> None:
-    bounded = (rows.delta > 0) & jnp.isfinite(rows.delta) | (rows.measure <= 0)
+    bounded = (rows.delta > 0) & jnp.isfinite(rows.delta) | ~rows.counted
     row = int(jnp.argmin(bounded))
     require(
         bool(jnp.all(bounded)),

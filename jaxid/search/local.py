@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from jaxid._types import Scalar
 from jaxid.motion.motion_space import MotionSpace, motion_space
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.search.effort import Effort
 from jaxid.search.frozen_loop import freeze
 from jaxid.search.problem import Design, Multipliers, Problem, Report
@@ -32,7 +32,7 @@ def improve(
 
     Args:
         problem: objective, limits and what the axis does.
-        start: a motion of intervals of equal duration, without padding.
+        start: a motion of intervals of equal duration.
         effort: how long to improve.
         report: called with what is being computed.
 
@@ -40,6 +40,7 @@ def improve(
         ValueError: if not even the motion that stays farthest inside its limits keeps those of the
             axis.
     """
+    start = trimmed(start)
     intervals, period = start.jerk.size, float(start.durations[0])
     deep = interior_motion(problem, intervals, period)
     space = motion_space(problem.limits, problem.boundary, intervals, period)

@@ -18,7 +18,7 @@ from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import Sensor
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.model.system import System
-from jaxid.motion.trajectory import JerkTrajectory, padded, padded_reference, ticks
+from jaxid.motion.trajectory import JerkTrajectory, padded, reference, ticks
 from jaxid.regression.estimate import least_squares_estimate
 from jaxid.regression.filters import filtered
 
@@ -134,9 +134,8 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
     once, scenarios = grid.ticks[motion], grid.scenarios
     theta = scenarios.theta[scenario]
     running = jnp.arange(grid.size) < grid.repeats * once
-    desired = padded_reference(
-        _entry(grid.motions, motion), grid.period, once, grid.repeats, grid.size
-    )
+    longest = grid.size // grid.repeats
+    desired = reference(_entry(grid.motions, motion), grid.period, longest, grid.repeats)
     controller = _entry(grid.controllers, gains)
     key = jax.random.fold_in(jax.random.key(grid.seed), index)
     disturbance = _entry(scenarios.disturbance, scenario).drawn(key, grid.size, controller.k1_of_p)
