@@ -41,7 +41,7 @@ Everything else is imported from its folder. A folder imports only from those ab
 """
 
 from jaxid.axis.file import read_axis
-from jaxid.design.criteria import Criterion, LeastSquaresError, planned_error, sampled_error
+from jaxid.design.criteria import Criterion, LeastSquaresError
 from jaxid.design.evaluation import evaluate
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.design.predicted_error import PredictedError
@@ -75,6 +75,7 @@ from jaxid.motion.feasibility import InfeasibleError
 from jaxid.motion.limits import Boundary, Limits, Via, position_at_least, through
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.error_of_motion import planned_error, sampled_error
 from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure

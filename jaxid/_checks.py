@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -42,6 +43,15 @@ def _require_numbers(
     )
 
 
+def require_shape(name: str, owner: str, value: Any, shape: tuple[int, ...], entries: str) -> None:
+    """Refuse an array of another shape; `entries` says what its entries are."""
+    found = jnp.shape(value)
+    require(
+        found == shape,
+        f"Argument `{name}` of {owner} must have the shape {shape} ({entries}), but has {found}.",
+    )
+
+
 def require_interval(name: str, interval: Any) -> None:
     """Refuse an interval that is not finite or whose lower end is not below its upper end."""
     if not is_concrete(interval):
@@ -58,12 +68,27 @@ def require_interval(name: str, interval: Any) -> None:
     )
 
 
-def require_float64(name: str, value: Any) -> None:
-    """Refuse to certify anything in single precision."""
-    for leaf in jax.tree.leaves(value):
-        dtype = jnp.result_type(leaf)
+def require_float64(**arguments: Any) -> None:
+    """Refuse single precision, in which rounding is no longer negligible beside a bound."""
+    for name, value in arguments.items():
+        for leaf in filter(_is_number, jax.tree.leaves(value)):
+            dtype = jnp.result_type(leaf)
+            require(
+                not jnp.issubdtype(dtype, jnp.floating) or dtype == jnp.float64,
+                f"Argument `{name}` must be float64, but is {dtype}: call `jaxid.configure()`, or "
+                '`jax.config.update("jax_enable_x64", True)`, before the first array is made.',
+            )
+
+
+def _is_number(leaf: Any) -> bool:
+    return isinstance(leaf, float) or eqx.is_array_like(leaf)
+
+
+def require_concrete(what: str, instead: str, **arguments: Any) -> None:
+    """Refuse arguments that `jit`, `grad` or `vmap` trace, and say what they can trace."""
+    for name, value in arguments.items():
         require(
-            not jnp.issubdtype(dtype, jnp.floating) or dtype == jnp.float64,
-            f"Argument `{name}` must be float64 for a guaranteed bound, but is {dtype}: call "
-            '`jax.config.update("jax_enable_x64", True)` before the first array is made.',
+            is_concrete(value),
+            f"Argument `{name}` is traced by `jit`, `grad` or `vmap`, but {what} needs its value. "
+            f"{instead}",
         )

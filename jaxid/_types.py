@@ -1,19 +1,80 @@
 """Arrays by what they stand for, and the products of the regression form."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Float, Shaped
+
+from jaxid._checks import is_concrete, require_concrete
 
 Scalar = Float[Array, ""]
 Motion = Float[Array, "*shape"]
 Interval = Float[Array, "2"]
-Ends = Sequence[float] | Float[Array, "2"]
+Numbers = Sequence[float | int] | Shaped[Array | np.ndarray, "..."]  # as a user may write them
 
 
-def as_interval(ends: Sequence[float] | Array) -> Array:
+def as_interval(ends: Numbers) -> Array:
     """A few numbers as one array in the default float type."""
-    return jnp.asarray(ends, dtype=float)
+    return _known_or_traced(lambda: jnp.asarray(ends, dtype=float), ends)
+
+
+def as_array(name: str) -> Callable[[Any], Array]:
+    """A converter for the argument `name`: numbers in any form become an array of floats.
+
+    A number, nested lists of numbers or an array will do. Floats keep their precision, so that
+    single precision is found where it matters.
+
+    Raises:
+        ValueError: when the converter is called, if the values are not numbers, or if the rows of
+            nested lists differ in length.
+    """
+
+    def convert(values: Any) -> Array:
+        try:
+            found = _known_or_traced(lambda: jnp.asarray(values), values)
+        except (TypeError, ValueError, DeprecationWarning):
+            raise ValueError(
+                f"Argument `{name}` must be a number, an array, or a list of numbers whose rows "
+                f"have one length, but is {values!r}."
+            ) from None
+        if jnp.issubdtype(found.dtype, jnp.floating):
+            return found
+        return _known_or_traced(lambda: found.astype(float), found)
+
+    return convert
+
+
+def as_known(name: str) -> Callable[[Any], float]:
+    """A converter for the argument `name`: a number that is known when a function is traced.
+
+    Raises:
+        ValueError: when the converter is called, if the value is traced or is not one number.
+    """
+
+    def convert(value: Any) -> float:
+        require_concrete("what depends on it", "Give it as a number.", **{name: value})
+        try:
+            return float(value)
+        except (TypeError, ValueError):
+            raise ValueError(f"Argument `{name}` must be a number, but is {value!r}.") from None
+
+    return convert
+
+
+def _known_or_traced(make: Callable[[], Array], values: Any) -> Array:
+    """Known values make a known array, even in a function that is traced: jax would trace it."""
+    if not is_concrete(values):
+        return make()
+    with jax.ensure_compile_time_eval():
+        return make()
+
+
+def or_none(convert: Callable[[Any], Array]) -> Callable[[Any], Array | None]:
+    """The same converter for an argument that may be left out."""
+    return lambda values: None if values is None else convert(values)
 
 
 def dot(columns: Sequence[Motion], theta: Float[Array, " m"]) -> Motion:

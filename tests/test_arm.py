@@ -10,7 +10,7 @@ from conftest import uniform_in_box
 
 from experiments.axes import one_link_arm as arm
 from experiments.beyond import arm as one_link_arm
-from jaxid.design.criteria import LeastSquaresError, planned_error
+from jaxid.design.criteria import LeastSquaresError
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.loop.closed_loop import run
@@ -20,6 +20,7 @@ from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.simulate import Plant
 from jaxid.motion.task import Task
 from jaxid.motion.violation import worst_violation
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.filters import adjoint, filtered
 from jaxid.regression.worst_case import least_squares

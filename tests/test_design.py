@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.design.criteria import LeastSquaresError, PlannedError, planned_error
+from jaxid.design.criteria import LeastSquaresError, PlannedError
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.motion.feasibility import interior
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import worst_violation
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.worst_case import individual, infinity
 from jaxid.search.arc_structures import Arcs, jerk_of
 from jaxid.search.augmented_lagrangian import stages

@@ -8,13 +8,13 @@ import pytest
 from conftest import uniform_in_box
 
 from experiments.axes import linear_motor as motor
-from jaxid.design.criteria import planned_error
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import Cogging, Sequence, random_shares
 from jaxid.loop.sensors import Encoder, IdealSensor
 from jaxid.loop.simulate import Plant, simulate
 from jaxid.motion.trajectory import reference
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.estimate import least_squares_estimate
 from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.filters import adjoint, filtered

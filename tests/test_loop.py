@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.design.criteria import FilteredError, PerfectTracking, ThroughLoop, planned_error
+from jaxid.design.criteria import FilteredError, PerfectTracking, ThroughLoop
 from jaxid.loop.closed_loop import ClosedLoop, SampledPlants
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
 from jaxid.loop.scenarios import Scenarios, every, random_parameters, vertices
@@ -17,6 +17,7 @@ from jaxid.motion.feasibility import interior
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.trajectory import uniform
 from jaxid.motion.violation import axis_violations
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.worst_case import Norm
 from jaxid.search.problem import Problem

@@ -8,13 +8,7 @@ import pytest
 from adversaries import exact_rows
 
 from experiments.axes import linear_motor as motor
-from jaxid.design.criteria import (
-    FilteredError,
-    PerfectTracking,
-    PlannedError,
-    ThroughLoop,
-    planned_error,
-)
+from jaxid.design.criteria import FilteredError, PerfectTracking, PlannedError, ThroughLoop
 from jaxid.design.nominal_log import nominal_log, nominal_log_model
 from jaxid.design.predicted_error import PredictedError
 from jaxid.identification.feasible_parameter_set import feasible_set
@@ -32,6 +26,7 @@ from jaxid.motion.task import Task
 from jaxid.motion.ticks import Ticks
 from jaxid.motion.trajectory import JerkTrajectory, ticks, uniform
 from jaxid.motion.violation import violations, worst_violation
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.minimax import minimax
 from jaxid.regression.worst_case import infinity

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid.design import optimal_motion as optimal_motion_file
-from jaxid.design.criteria import LeastSquaresError, planned_error
+from jaxid.design.criteria import LeastSquaresError
 from jaxid.design.nominal_log import nominal_log, nominal_log_model
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.design.predicted_error import GuaranteedError, PredictedError
@@ -16,6 +16,7 @@ from jaxid.identification.intervals import guaranteed_intervals, narrowed
 from jaxid.io.files import read_trajectory
 from jaxid.motion.task import Task
 from jaxid.motion.violation import worst_violation
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.search.effort import Effort
 from jaxid.search.problem import Design, Problem
 from jaxid.search.restoration import interior_motion

@@ -24,7 +24,7 @@ from tqdm import tqdm
 from experiments._support.processes import each
 from experiments.axes import linear_motor as motor
 from experiments.paper.designs import STUDIED, TOY
-from jaxid.design.criteria import LeastSquaresError, PlannedError, planned_error
+from jaxid.design.criteria import LeastSquaresError, PlannedError
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import Cell as Value
 from jaxid.io.files import read_table, write_table
@@ -33,6 +33,7 @@ from jaxid.motion.feasibility import InfeasibleError, interior
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, uniform
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.worst_case import individual
 from jaxid.runtime import configure
 from jaxid.search.arc_structures import evolve_arcs

@@ -22,12 +22,12 @@ from jaxtyping import Float
 
 from experiments.axes import linear_motor as motor
 from experiments.bench.compiled import build
-from jaxid.design.criteria import planned_error
 from jaxid.loop.record import rows_of
 from jaxid.model.disturbance_bound import SpeedBand
 from jaxid.model.regressors import Coulomb
 from jaxid.model.system import smoothed
 from jaxid.motion.trajectory import JerkTrajectory, uniform
+from jaxid.regression.error_of_motion import planned_error
 
 Vector = Float[np.ndarray, " n"]
 

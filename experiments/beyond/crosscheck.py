@@ -10,9 +10,9 @@ from tqdm import tqdm
 from experiments.axes import linear_motor as motor
 from experiments.paper import designs, tables
 from experiments.paper.designs import STUDIED, Cell, trajectory_path
-from jaxid.design.criteria import planned_error
 from jaxid.io.files import read_table, read_trajectory, write_table
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.runtime import configure
 from jaxid.search.effort import Effort
 

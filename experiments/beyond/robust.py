@@ -16,7 +16,7 @@ from experiments.axes import linear_motor as motor
 from experiments.paper import figures, tables
 from experiments.paper.designs import STUDIED, TOY
 from jaxid._checks import require
-from jaxid.design.criteria import LeastSquaresError, planned_error
+from jaxid.design.criteria import LeastSquaresError
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.loop.closed_loop import plant_violations
@@ -29,6 +29,7 @@ from jaxid.motion.limits import Limits, shrunk
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import Prediction
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.runtime import configure
 from jaxid.search.effort import Effort
 from jaxid.search.frozen_loop import fixed_margins

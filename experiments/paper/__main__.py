@@ -19,10 +19,10 @@ from experiments.paper import (
     tables,
 )
 from experiments.paper.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajectory_path
-from jaxid.design.criteria import planned_error
 from jaxid.identification.assumptions import assumptions
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 from jaxid.search.effort import Effort

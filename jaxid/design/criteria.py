@@ -12,21 +12,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxid._types import Scalar
+from jaxid._types import Scalar, as_array
 from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.record import Record, rows_of
 from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.simulate import Plant
 from jaxid.model.system import System, smoothed
 from jaxid.motion.task import Task
-from jaxid.motion.trajectory import JerkTrajectory, States, ticks_of
+from jaxid.motion.trajectory import JerkTrajectory, ticks_of
 from jaxid.regression.filters import filtered
 from jaxid.regression.worst_case import (
     Norm,
     individual,
     least_squares,
     smooth_worst_case_error,
-    worst_case_error,
 )
 from jaxid.search.problem import Objective
 
@@ -90,7 +89,7 @@ class PlannedError(eqx.Module):
 
     system: System
     norm: Norm
-    speed: Scalar = eqx.field(converter=jnp.asarray)
+    speed: Scalar = eqx.field(converter=as_array("speed"))
     nodes: int = eqx.field(static=True, default=8)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
@@ -116,8 +115,8 @@ class FilteredError(eqx.Module):
     """
 
     norm: Norm
-    bandwidth: Scalar = eqx.field(converter=jnp.asarray)
-    period: Scalar = eqx.field(converter=jnp.asarray)
+    bandwidth: Scalar = eqx.field(converter=as_array("bandwidth"))
+    period: Scalar = eqx.field(converter=as_array("period"))
 
     def __call__(self, record: Record, smoothing: Scalar) -> Scalar:
         """Its corners rounded by twice the smoothing, as those of `PlannedError`."""
@@ -140,8 +139,8 @@ class PerfectTracking(eqx.Module):
 
     system: System
     criterion: RecordCriterion
-    speed: Scalar = eqx.field(converter=jnp.asarray)
-    period: Scalar = eqx.field(converter=jnp.asarray)
+    speed: Scalar = eqx.field(converter=as_array("speed"))
+    period: Scalar = eqx.field(converter=as_array("period"))
     ticks: int = eqx.field(static=True)
     repeats: int = eqx.field(static=True, default=1)
 
@@ -176,8 +175,8 @@ class ThroughLoop(eqx.Module):
     loop: ClosedLoop
     scenarios: Scenarios
     criterion: RecordCriterion
-    speed: Scalar = eqx.field(converter=jnp.asarray)
-    blend: Scalar = eqx.field(converter=jnp.asarray)
+    speed: Scalar = eqx.field(converter=as_array("speed"))
+    blend: Scalar = eqx.field(converter=as_array("blend"))
     worst: bool = eqx.field(static=True, default=True)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
@@ -198,54 +197,3 @@ class ThroughLoop(eqx.Module):
             return self.criterion(loop(plant, trajectory)[0], smoothing)
 
         return scenarios.map(one)
-
-
-@eqx.filter_jit
-def planned_error(
-    system: System, trajectory: JerkTrajectory, nodes: int = 1024
-) -> Float[Array, " m"]:
-    """J of every parameter on the desired motion, with the exact δ; the number that is reported.
-
-    Args:
-        system: with the exact δ.
-        trajectory: one motion; repeating it changes nothing.
-        nodes: of the midpoint rule, per interval; halving them moves J by less than 1e-4 of itself.
-
-    Example:
-        >>> jd.planned_error(slide, motion).round(2).tolist()
-        [1.25, 36.29, 10.03]
-    """
-    rows = rows_of(system, *trajectory.midpoints(nodes))
-    return worst_case_error(least_squares(rows), rows.delta)
-
-
-@eqx.filter_jit
-def sampled_error(
-    system: System,
-    time: Float[Array, " n"],
-    position: Float[Array, " n"],
-    velocity: Float[Array, " n"],
-    acceleration: Float[Array, " n"],
-) -> Float[Array, " m"]:
-    """J of every parameter for a motion that is given by samples, of whatever origin.
-
-    Args:
-        system: with its regressors and δ.
-        time: of the samples, increasing, s.
-        position: m or rad.
-        velocity: m/s or rad/s.
-        acceleration: m/s² or rad/s².
-
-    Returns:
-        The worst-case error of least squares on exact signals (15), by the trapezoid rule: for
-        samples of a `JerkTrajectory` it tends to `planned_error` as they get denser.
-
-    Example:
-        >>> time = jnp.linspace(0.0, 0.6, 6001)  # from a file, say
-        >>> jd.sampled_error(slide, time, *motion.states(time)).round(2).tolist()
-        [1.25, 36.29, 10.03]
-    """
-    steps = jnp.diff(time)
-    weights = (jnp.append(steps, 0.0) + jnp.append(0.0, steps)) / 2
-    rows = rows_of(system, States(position, velocity, acceleration), weights)
-    return worst_case_error(least_squares(rows), rows.delta)

@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 from jaxtyping import Array, Float
 
-from jaxid._checks import require
-from jaxid.design.criteria import planned_error
+from jaxid._checks import require, require_concrete, require_float64
 from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.lower_bound import LowerBound
 
 
@@ -76,6 +76,15 @@ def evaluate(
         >>> (100 * worth.gap).round().tolist()  # %, above the lower bound
         [35.0, 58.0, 10.0]
     """
+    require_float64(system=system, trajectory=trajectory, servo=servo, least=least)
+    require_concrete(
+        "the evaluation, which solves linear programs,",
+        "Trace `jaxid.planned_error`, or the criterion of a `PredictedError`.",
+        system=system,
+        trajectory=trajectory,
+        servo=servo,
+        least=least,
+    )
     names = system.names
     require(
         least.value.shape == (len(names),),

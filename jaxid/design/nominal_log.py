@@ -9,7 +9,7 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxid._types import Scalar, dot
+from jaxid._types import Scalar, as_array, dot
 from jaxid.loop.closed_loop import ClosedLoop, closed_loop
 from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import NoDisturbance
@@ -40,8 +40,8 @@ class ExactTracking(NominalLog):
     """
 
     system: System
-    period: Scalar = eqx.field(converter=jnp.asarray)
-    resolution: Scalar = eqx.field(converter=jnp.asarray)
+    period: Scalar = eqx.field(converter=as_array("period"))
+    resolution: Scalar = eqx.field(converter=as_array("resolution"))
     count: int = eqx.field(static=True)
 
     def __call__(self, trajectory: JerkTrajectory) -> tuple[Log, States]:
@@ -64,7 +64,7 @@ class ClosedLoopTracking(NominalLog):
 
     loop: ClosedLoop
     plant: Plant
-    resolution: Scalar = eqx.field(converter=jnp.asarray)
+    resolution: Scalar = eqx.field(converter=as_array("resolution"))
 
     def __call__(self, trajectory: JerkTrajectory) -> tuple[Log, States]:
         record, signals = self.loop(self.plant, trajectory)

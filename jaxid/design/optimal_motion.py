@@ -2,12 +2,11 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import PRNGKeyArray
 
-from jaxid._checks import require, require_float64
+from jaxid._checks import require, require_concrete, require_float64
 from jaxid._types import Scalar
 from jaxid.design.criteria import Criterion
 from jaxid.design.predicted_error import PredictedError
@@ -62,8 +61,15 @@ def optimal_motion(
         >>> round(float(jnp.exp(better.value)), 2)  # kg; it was 1.25
         1.12
     """
-    require_float64("criterion", eqx.filter(criterion, eqx.is_array))
-    require_float64("limits", task.limits)
+    require_float64(criterion=criterion, limits=task.limits, boundary=task.boundary)
+    require_concrete(
+        "a search",
+        "Trace the criterion of a motion, and minimise that.",
+        criterion=criterion,
+        limits=task.limits,
+        boundary=task.boundary,
+        start=start,
+    )
     deep = interior_motion(Problem.of(task, _nothing), task.intervals, task.period)
     search = _Search(task, criterion, deep, effort, report, show)
     if isinstance(start, JerkTrajectory):

@@ -15,7 +15,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_at_least_zero
-from jaxid._types import Scalar, as_interval
+from jaxid._types import Scalar, as_array, as_interval
 from jaxid.design.criteria import Criterion, LeastSquaresError
 from jaxid.design.nominal_log import NominalLog, nominal_log, nominal_log_model
 from jaxid.identification.intervals import guaranteed_intervals, narrowed
@@ -52,8 +52,8 @@ class GuaranteedError(eqx.Module):
     system: System
     narrow: System
     log_model: NominalLog
-    targets: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
-    speed: Scalar = eqx.field(converter=jnp.asarray)
+    targets: Float[Array, " m"] = eqx.field(converter=as_array("targets"))
+    speed: Scalar = eqx.field(converter=as_array("speed"))
     largest: bool = eqx.field(static=True, default=True)
     knots: int = eqx.field(static=True, default=150)
 

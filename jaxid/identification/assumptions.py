@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from jaxid._checks import require_concrete, require_float64
 from jaxid.loop.log import Log
 from jaxid.model.system import System
 
@@ -18,6 +19,10 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
         >>> jd.assumptions(slide, log)[1]
         'Everything unmodelled is at all times at most δ: 6 N.'
     """
+    require_float64(system=system, logs=logs)
+    require_concrete(
+        "a sentence about it", "Call it outside of what is traced.", system=system, logs=logs
+    )
     length = "m" if system.coordinate == "linear" else "rad"
     box = ", ".join(
         f"{term.name} in [{float(low):g}, {float(high):g}] {term.unit}"

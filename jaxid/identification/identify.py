@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid._checks import require, require_float64
+from jaxid._checks import require, require_concrete, require_float64
 from jaxid.identification.batches import (
     SIZES,
     BatchSizes,
@@ -101,8 +101,13 @@ def identify(
     """
     given = (logs,) if isinstance(logs, Log) else tuple(logs)
     require(len(given) > 0, "Argument `logs` must hold one log at least, but is empty.")
-    require_float64("system", system)
-    require_float64("logs", given)
+    require_float64(system=system, logs=given)
+    require_concrete(
+        "`identify`, which solves linear programs,",
+        "Trace `jaxid.filtered_least_squares`, the paper's identification.",
+        system=system,
+        logs=given,
+    )
     parts = batches(given, sizes)
     progress = _Progress(system, sizes, len(parts))
     for number, part in enumerate(parts, 1):

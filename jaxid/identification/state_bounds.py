@@ -50,7 +50,7 @@ def state_bounds(system: System, log: Log) -> StateBounds:
         InconsistentLogError: if no plant of the system can have left this log.
         ValueError: if its period is too long for any bracket.
     """
-    require_float64("log", log)
+    require_float64(log=log)
     found = _state_bounds(system, log)
     if is_concrete(found):
         require(

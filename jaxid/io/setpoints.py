@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.io import loadmat, savemat
 
-from jaxid._checks import require
+from jaxid._checks import require, require_concrete, require_float64
 from jaxid.io.files import table_bytes, table_in, trajectory_header, write_bytes
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, ticks
@@ -38,6 +38,13 @@ def sampled(trajectory: JerkTrajectory, period: float) -> Setpoints:
     Raises:
         ValueError: if the period does not divide the duration.
     """
+    require_float64(trajectory=trajectory)
+    require_concrete(
+        "a list of setpoints",
+        "Trace `JerkTrajectory.states`.",
+        trajectory=trajectory,
+        period=period,
+    )
     at = np.arange(ticks(trajectory, period) + 1)
     states = trajectory.states(jnp.asarray(at * period))
     # multiples of a period are written as such

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxid._types import Motion, Scalar
+from jaxid._checks import require_float64
+from jaxid._types import Motion, Scalar, as_array
 from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import Disturbance
 from jaxid.loop.log import Log
@@ -39,7 +40,7 @@ class ClosedLoop(eqx.Module):
 
     controller: Controller
     sensor: Sensor
-    period: Scalar = eqx.field(converter=jnp.asarray)
+    period: Scalar = eqx.field(converter=as_array("period"))
     ticks: int = eqx.field(static=True)
     repeats: int = eqx.field(static=True, default=1)
     substeps: int = eqx.field(static=True, default=1)
@@ -172,6 +173,7 @@ def run(
         >>> log.position.size
         601
     """
+    require_float64(plant=plant, controller=controller, servo=servo, trajectory=trajectory)
     loop = closed_loop(
         controller, servo, trajectory, sensor=sensor, repeats=repeats, substeps=substeps
     )

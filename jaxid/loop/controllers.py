@@ -12,9 +12,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxid._checks import is_concrete, require
-from jaxid._types import Scalar, dot
+from jaxid._types import Scalar, as_array, dot
 from jaxid.loop.sensors import Measurement
-from jaxid.model.system import System
+from jaxid.model.system import System, require_parameters
 from jaxid.motion.trajectory import States
 
 
@@ -65,12 +65,13 @@ class ARC(Controller):
     """
 
     system: System
-    k1: Scalar = eqx.field(converter=jnp.asarray)
-    k2: Scalar = eqx.field(converter=jnp.asarray)
-    epsilon: Scalar = eqx.field(converter=jnp.asarray)
-    gamma: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
+    k1: Scalar = eqx.field(converter=as_array("k1"))
+    k2: Scalar = eqx.field(converter=as_array("k2"))
+    epsilon: Scalar = eqx.field(converter=as_array("epsilon"))
+    gamma: Float[Array, " m"] = eqx.field(converter=as_array("gamma"))
 
     def __check_init__(self) -> None:
+        require_parameters("gamma", "an ARC", self.gamma, self.system)
         for name in ("k1", "k2", "epsilon"):
             value = getattr(self, name)
             if is_concrete(value):
@@ -150,9 +151,12 @@ class PDFeedforward(Controller):
     """
 
     system: System
-    theta: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
-    kp: Scalar = eqx.field(converter=jnp.asarray)
-    kd: Scalar = eqx.field(converter=jnp.asarray)
+    theta: Float[Array, " m"] = eqx.field(converter=as_array("theta"))
+    kp: Scalar = eqx.field(converter=as_array("kp"))
+    kd: Scalar = eqx.field(converter=as_array("kd"))
+
+    def __check_init__(self) -> None:
+        require_parameters("theta", "a PDFeedforward", self.theta, self.system)
 
     @property
     def k1_of_p(self) -> Scalar:
@@ -174,7 +178,7 @@ class PDFeedforward(Controller):
 class OpenLoop(Controller):
     """A prescribed input, one value per tick, whatever the axis does."""
 
-    input: Float[Array, " n"]
+    input: Float[Array, " n"] = eqx.field(converter=as_array("input"))
 
     def initial(self) -> Int[Array, ""]:
         return jnp.zeros((), int)

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from jaxid._types import Scalar, dot
+from jaxid._types import Scalar, as_array, dot
 
 
 class Moment(NamedTuple):
@@ -48,9 +48,9 @@ class NoDisturbance(Disturbance):
 class Cogging(Disturbance):
     """A force that repeats with the magnet pitch: Σ_i amplitude_i·sin(2π·harmonic_i·y/pitch)."""
 
-    pitch: Scalar = eqx.field(converter=jnp.asarray)
-    harmonics: Float[Array, " k"] = eqx.field(converter=jnp.asarray)
-    amplitudes: Float[Array, " k"] = eqx.field(converter=jnp.asarray)
+    pitch: Scalar = eqx.field(converter=as_array("pitch"))
+    harmonics: Float[Array, " k"] = eqx.field(converter=as_array("harmonics"))
+    amplitudes: Float[Array, " k"] = eqx.field(converter=as_array("amplitudes"))
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         angle = 2 * jnp.pi * position / self.pitch
@@ -63,8 +63,8 @@ class LowSpeedFriction(Disturbance):
     amplitude·exp(−(ẏ/speed)²)·ẏ/√(ẏ² + (speed/10)²).
     """
 
-    amplitude: Scalar = eqx.field(converter=jnp.asarray)
-    speed: Scalar = eqx.field(converter=jnp.asarray)
+    amplitude: Scalar = eqx.field(converter=as_array("amplitude"))
+    speed: Scalar = eqx.field(converter=as_array("speed"))
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         direction = velocity / jnp.sqrt(velocity**2 + (self.speed / 10) ** 2)
@@ -80,7 +80,7 @@ class Mixture(Disturbance):
     """
 
     parts: tuple[Disturbance, ...]
-    shares: Float[Array, " k"] = eqx.field(converter=jnp.asarray)
+    shares: Float[Array, " k"] = eqx.field(converter=as_array("shares"))
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         return dot([part(moment, position, velocity, delta) for part in self.parts], self.shares)

@@ -4,8 +4,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxid._checks import is_concrete, require, require_at_least_zero, require_positive
-from jaxid._types import Motion, Scalar
+from jaxid._checks import (
+    is_concrete,
+    require,
+    require_at_least_zero,
+    require_positive,
+    require_shape,
+)
+from jaxid._types import Motion, Scalar, as_array, or_none
 from jaxid.model.interval_arithmetic import Range, exactly, where
 
 _ROUNDINGS = 4  # of a position: when it is read, and in a difference of two or three
@@ -42,12 +48,12 @@ class Log(eqx.Module):
             little in; default those of the first and the last.
     """
 
-    input: Float[Array, " n"]
-    position: Float[Array, " samples"]
-    period: Scalar = eqx.field(converter=jnp.asarray)
-    resolution: Scalar = eqx.field(converter=jnp.asarray)
-    jitter: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
-    outer: Float[Array, "2"] | None = None
+    input: Float[Array, " n"] = eqx.field(converter=as_array("input"))
+    position: Float[Array, " samples"] = eqx.field(converter=as_array("position"))
+    period: Scalar = eqx.field(converter=as_array("period"))
+    resolution: Scalar = eqx.field(converter=as_array("resolution"))
+    jitter: Scalar = eqx.field(converter=as_array("jitter"), default=0.0)
+    outer: Float[Array, "2"] | None = eqx.field(converter=or_none(as_array("outer")), default=None)
     # of ticks, from the first one on, that took place, None for all: see `filled`
     _count: Int[Array, ""] | None = None
 
@@ -55,6 +61,9 @@ class Log(eqx.Module):
         require_positive("period", "a log", self.period)
         for name in ("resolution", "jitter"):
             require_at_least_zero(name, "a log", getattr(self, name))
+        for name in ("input", "position"):
+            values = getattr(self, name)
+            require_shape(name, "a log", values, (values.size,), "one per sample")
         require(
             self.position.size == self.input.size + 1,
             "Argument `position` must have one entry more than `input`, the end of its last tick, "

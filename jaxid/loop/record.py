@@ -8,13 +8,22 @@ with means instead of point values, and exact. A box over one controller tick is
 test function, a hat over two ticks or a filter's impulse response another: the type assumes none.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxid._checks import require_shape
+from jaxid._types import as_array, or_none
 from jaxid.model.system import System
 from jaxid.motion.trajectory import States
+
+
+def _as_columns(columns: Sequence[Any]) -> tuple[Array, ...]:
+    return tuple(map(as_array("columns"), columns))
 
 
 class Rows(eqx.Module):
@@ -27,9 +36,15 @@ class Rows(eqx.Module):
         measure: what row k counts in an integral over time, s. A row without measure says nothing.
     """
 
-    columns: tuple[Float[Array, " n"], ...]
-    delta: Float[Array, " n"]
-    measure: Float[Array, " n"]
+    columns: tuple[Float[Array, " n"], ...] = eqx.field(converter=_as_columns)
+    delta: Float[Array, " n"] = eqx.field(converter=as_array("delta"))
+    measure: Float[Array, " n"] = eqx.field(converter=as_array("measure"))
+
+    def __check_init__(self) -> None:
+        for name in ("delta", "measure", "columns"):
+            values = getattr(self, name)
+            for x in values if name == "columns" else (values,):
+                require_shape(name, "rows", x, (self.delta.size,), "one per row")
 
     @property
     def counted(self) -> Bool[Array, " n"]:
@@ -52,8 +67,13 @@ class Record(eqx.Module):
     """
 
     rows: Rows
-    input: Float[Array, " n"]
-    disturbance: Float[Array, " n"] | None
+    input: Float[Array, " n"] = eqx.field(converter=as_array("input"))
+    disturbance: Float[Array, " n"] | None = eqx.field(
+        converter=or_none(as_array("disturbance")), default=None
+    )
+
+    def __check_init__(self) -> None:
+        require_shape("input", "a record", self.input, self.rows.delta.shape, "one per row")
 
     def only(self, counted: Bool[Array, " n"]) -> "Record":
         """The record whose other rows are zero and have no measure: padding."""

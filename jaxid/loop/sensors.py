@@ -11,7 +11,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from jaxid._checks import require_at_least_zero
-from jaxid._types import Scalar
+from jaxid._types import Scalar, as_array
 
 
 class Measurement(NamedTuple):
@@ -76,7 +76,7 @@ class Encoder(Sensor):
         resolution: of one count, m or rad; zero for a position that is exact.
     """
 
-    resolution: Scalar = eqx.field(converter=jnp.asarray)
+    resolution: Scalar = eqx.field(converter=as_array("resolution"))
 
     def __check_init__(self) -> None:
         require_at_least_zero("resolution", "an encoder", self.resolution)

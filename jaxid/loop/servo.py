@@ -3,7 +3,13 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from jaxid._checks import is_concrete, require, require_at_least_zero, require_positive
+from jaxid._checks import (
+    is_concrete,
+    require,
+    require_at_least_zero,
+    require_positive,
+)
+from jaxid._types import as_known
 from jaxid.loop.controllers import Controller, Delayed
 from jaxid.loop.log import JITTER, Log
 from jaxid.loop.sensors import Encoder
@@ -27,10 +33,10 @@ class Servo(eqx.Module):
         600
     """
 
-    period: float
-    resolution: float = 0.0
+    period: float = eqx.field(converter=as_known("period"))
+    resolution: float = eqx.field(converter=as_known("resolution"), default=0.0)
     delay: int = 0
-    jitter: float = 0.0
+    jitter: float = eqx.field(converter=as_known("jitter"), default=0.0)
 
     def __check_init__(self) -> None:
         require_positive("period", "a servo", self.period)
@@ -65,7 +71,7 @@ class Servo(eqx.Module):
         require(
             count >= 2,
             "Argument `period` of a servo must be half of the motion's duration, or less, but is "
-            f"{self.period:g} s for {float(trajectory.duration):g} s.",
+            f"{self.period:g} s for {count * self.period:g} s.",
         )
         return count
 

@@ -10,12 +10,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxid._types import Scalar
+from jaxid._types import Scalar, as_array
 from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import Disturbance, Moment
 from jaxid.loop.record import Record, Rows
 from jaxid.loop.sensors import Sensor
-from jaxid.model.system import System
+from jaxid.model.system import System, require_parameters
 from jaxid.motion.trajectory import States
 
 # Ralston's second-order tableau. All weights b are positive, so that means over a tick of
@@ -27,11 +27,20 @@ WEIGHTS = (1 / 4, 3 / 4)
 
 
 class Plant(eqx.Module):
-    """The axis as it is: its true parameters and disturbance, unknown to everybody else."""
+    """The axis as it is: its true parameters and disturbance, unknown to everybody else.
+
+    Attributes:
+        system: its regressors and disturbance bound δ; Δ is clipped to ±δ.
+        theta: the true parameters, shape (m,), in the order and the units of the system's terms.
+        disturbance: the true disturbance, in the unit of the input.
+    """
 
     system: System
-    theta: Float[Array, " m"] = eqx.field(converter=jnp.asarray)
+    theta: Float[Array, " m"] = eqx.field(converter=as_array("theta"))
     disturbance: Disturbance
+
+    def __check_init__(self) -> None:
+        require_parameters("theta", "a plant", self.theta, self.system)
 
 
 class Signals(NamedTuple):

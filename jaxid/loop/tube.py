@@ -45,7 +45,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxid._checks import require_float64
-from jaxid._types import Scalar
+from jaxid._types import Scalar, as_array
 from jaxid.loop.controllers import ARC
 from jaxid.loop.sensors import Sensor, SensorError
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
@@ -90,7 +90,7 @@ class Tube(Prediction):
     controller: ARC
     sensor: Sensor
     cells: Range
-    period: Scalar = eqx.field(converter=jnp.asarray)
+    period: Scalar = eqx.field(converter=as_array("period"))
     ticks: int = eqx.field(static=True)
     repeats: int = eqx.field(static=True, default=1)
 
@@ -99,8 +99,7 @@ class Tube(Prediction):
         return self.controller.system
 
     def __call__(self, trajectory: JerkTrajectory) -> Envelope:
-        require_float64("trajectory", trajectory)
-        require_float64("cells", self.cells)
+        require_float64(trajectory=trajectory, cells=self.cells, controller=self.controller)
         return _merged(self, trajectory)
 
 

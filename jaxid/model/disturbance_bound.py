@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxid._checks import require_at_least_zero, require_positive
-from jaxid._types import Motion, Scalar
+from jaxid._types import Motion, Scalar, as_array
 from jaxid.model.interval_arithmetic import Range, around, exactly
 from jaxid.model.smoothing import Nonsmooth
 
@@ -38,7 +38,7 @@ class DisturbanceBound(eqx.Module):
 class ConstantBound(DisturbanceBound):
     """One level at all positions and speeds."""
 
-    level: Scalar = eqx.field(converter=jnp.asarray)
+    level: Scalar = eqx.field(converter=as_array("level"))
 
     def __check_init__(self) -> None:
         require_positive("level", _OWNER, self.level)
@@ -60,10 +60,10 @@ class SpeedBand(DisturbanceBound, Nonsmooth):
     the threshold itself belongs to the slow side.
     """
 
-    slow: Scalar = eqx.field(converter=jnp.asarray)
-    fast: Scalar = eqx.field(converter=jnp.asarray)
-    threshold: Scalar = eqx.field(converter=jnp.asarray)
-    blend: Motion = eqx.field(converter=jnp.asarray, default=0.0)
+    slow: Scalar = eqx.field(converter=as_array("slow"))
+    fast: Scalar = eqx.field(converter=as_array("fast"))
+    threshold: Scalar = eqx.field(converter=as_array("threshold"))
+    blend: Motion = eqx.field(converter=as_array("blend"), default=0.0)
 
     def __check_init__(self) -> None:
         require_positive("slow", _OWNER, self.slow)
@@ -95,7 +95,7 @@ class ScaledBound(DisturbanceBound):
     """s·δ, for another δ and s > 0."""
 
     bound: DisturbanceBound
-    factor: Scalar = eqx.field(converter=jnp.asarray)
+    factor: Scalar = eqx.field(converter=as_array("factor"))
 
     def __check_init__(self) -> None:
         require_positive("factor", _OWNER, self.factor)
@@ -114,7 +114,7 @@ class NearbyVelocityBound(DisturbanceBound):
     """Another δ, at its largest while the velocity is off by up to `reach` (m/s or rad/s)."""
 
     bound: DisturbanceBound
-    reach: Scalar = eqx.field(converter=jnp.asarray)
+    reach: Scalar = eqx.field(converter=as_array("reach"))
 
     def __check_init__(self) -> None:
         require_at_least_zero("reach", _OWNER, self.reach)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._checks import require_at_least_zero, require_positive
-from jaxid._types import Interval, Motion, Scalar, as_interval
+from jaxid._types import Interval, Motion, Scalar, as_array, as_interval
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.smoothing import Nonsmooth
 
@@ -117,8 +117,8 @@ class Coulomb(Regressor, Nonsmooth):
     `blend` notches it around zero over about that speed; zero, the default, is the exact regressor.
     """
 
-    beta: Scalar = eqx.field(converter=jnp.asarray)
-    blend: Motion = eqx.field(converter=jnp.asarray, default=0.0)
+    beta: Scalar = eqx.field(converter=as_array("beta"))
+    blend: Motion = eqx.field(converter=as_array("blend"), default=0.0)
 
     def __check_init__(self) -> None:
         require_positive("beta", "a Coulomb regressor", self.beta)
@@ -175,7 +175,7 @@ class Sign(Regressor):
 class Spring(Regressor):
     """f = y − rest."""
 
-    rest: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
+    rest: Scalar = eqx.field(converter=as_array("rest"), default=0.0)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return position - self.rest
@@ -229,8 +229,8 @@ class Sine(Regressor):
         pitch: m or rad until it repeats; default 2π.
     """
 
-    phase: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
-    pitch: Scalar = eqx.field(converter=jnp.asarray, default=2 * math.pi)
+    phase: Scalar = eqx.field(converter=as_array("phase"), default=0.0)
+    pitch: Scalar = eqx.field(converter=as_array("pitch"), default=2 * math.pi)
 
     def __check_init__(self) -> None:
         require_positive("pitch", "a Sine regressor", self.pitch)

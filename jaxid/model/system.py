@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxid._checks import is_concrete, require, require_interval
+from jaxid._checks import is_concrete, require, require_interval, require_shape
 from jaxid._types import Interval, Motion, Scalar, as_interval, dot
 from jaxid.model.disturbance_bound import DisturbanceBound, ScaledBound
 from jaxid.model.interval_arithmetic import Range
@@ -180,6 +180,11 @@ class System(eqx.Module):
     ) -> Motion:
         """ÿ from (1) under `load` = u − Δ."""
         return (load - dot(self.forces(position, velocity), theta[1:])) / theta[0]
+
+
+def require_parameters(name: str, owner: str, theta: Float[Array, "..."], system: System) -> None:
+    """Refuse an array that does not have one entry per parameter of a system."""
+    require_shape(name, owner, theta, (len(system.names),), f"for {', '.join(system.names)}")
 
 
 def smoothed(tree: Tree, speed: Motion) -> Tree:

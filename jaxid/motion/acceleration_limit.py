@@ -3,14 +3,16 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxid._checks import is_concrete, require
-from jaxid._types import Ends, Interval, Scalar, as_interval
+from jaxid._checks import is_concrete, require, require_float64
+from jaxid._types import Interval, Numbers, Scalar, as_interval
 from jaxid.model.interval_arithmetic import Range, around
 from jaxid.model.system import System
 from jaxid.motion.trajectory import States
 
 
-def acceleration_limit(system: System, position: Ends, velocity: Ends, input: Ends) -> Interval:
+def acceleration_limit(
+    system: System, position: Numbers, velocity: Numbers, input: Numbers
+) -> Interval:
     """(18), read sharply: what the input has left for θ_x2·ÿ after Σ_j max|f_j|·max|θ_j|.
 
     As in the paper the disturbance and the feedback effort are left out, so that |u| ≤ u_max in
@@ -22,11 +24,14 @@ def acceleration_limit(system: System, position: Ends, velocity: Ends, input: En
         >>> acceleration.round(2).tolist()  # (150 - 40·1 - 30)/9
         [-8.89, 8.89]
     """
+    require_float64(system=system)
     peaks = _peak_parameters(system)[1:] * _peak_regressors(system, position, velocity)
     return _remaining(system, as_interval(input), jnp.sum(peaks))
 
 
-def acceleration_reach(system: System, position: Ends, velocity: Ends, input: Ends) -> Interval:
+def acceleration_reach(
+    system: System, position: Numbers, velocity: Numbers, input: Numbers
+) -> Interval:
     """The accelerations that `input_demand` leaves at the state that needs the least for the rest.
 
     For the motor 51.9 m/s²: friction may be zero, and the offset and δ may not help.
@@ -62,7 +67,9 @@ def _peak_parameters(system: System) -> Float[Array, " m"]:
     return jnp.maximum(jnp.abs(system.lower), jnp.abs(system.upper))
 
 
-def _peak_regressors(system: System, position: Ends, velocity: Ends) -> Float[Array, " forces"]:
+def _peak_regressors(
+    system: System, position: Numbers, velocity: Numbers
+) -> Float[Array, " forces"]:
     position, velocity = as_interval(position), as_interval(velocity)
     return jnp.stack(
         [

@@ -1,17 +1,11 @@
 """What a motion must respect: limits (4), the acceleration limit (18), boundary and via points."""
 
-from collections.abc import Sequence
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_interval
-from jaxid._types import Ends, Interval, Scalar, as_interval
-
-
-def _as_interval_or_none(ends: Ends | None) -> Interval | None:
-    return None if ends is None else as_interval(ends)
+from jaxid._types import Interval, Numbers, Scalar, as_interval, as_known, or_none
 
 
 class Limits(eqx.Module):
@@ -37,7 +31,7 @@ class Limits(eqx.Module):
     acceleration: Interval = eqx.field(converter=as_interval)
     jerk: Interval = eqx.field(converter=as_interval)
     input: Interval = eqx.field(converter=as_interval)
-    input_rate: Interval | None = eqx.field(converter=_as_interval_or_none, default=None)
+    input_rate: Interval | None = eqx.field(converter=or_none(as_interval), default=None)
 
     def __check_init__(self) -> None:
         for name in ("position", "velocity", "acceleration", "jerk", "input", "input_rate"):
@@ -82,7 +76,7 @@ class Via(eqx.Module):
     Equal lower and upper bounds fix a component; ±inf leaves it free.
     """
 
-    at: float = eqx.field(static=True)
+    at: float = eqx.field(converter=as_known("at"), static=True)
     lower: Float[Array, "3"] = eqx.field(converter=as_interval)
     upper: Float[Array, "3"] = eqx.field(converter=as_interval)
 
@@ -115,7 +109,7 @@ class Boundary(eqx.Module):
     vias: tuple[Via, ...]
 
 
-def through(state: Sequence[float], at: float) -> Via:
+def through(state: Numbers, at: float) -> Via:
     """The state [y, ẏ, ÿ] is met exactly at the fraction `at` of the whole time."""
     return Via(at, state, state)
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxid._checks import require
-from jaxid._types import Motion, Scalar
+from jaxid._checks import require, require_concrete, require_shape
+from jaxid._types import Motion, Numbers, Scalar, as_array, as_known
 from jaxid.motion.ticks import Ticks
 
 
@@ -46,9 +46,15 @@ class JerkTrajectory(eqx.Module):
         [-0.432, 0.432]
     """
 
-    start: Float[Array, "3"]
-    jerk: Float[Array, " n"]
-    durations: Float[Array, " n"]
+    start: Float[Array, "3"] = eqx.field(converter=as_array("start"))
+    jerk: Float[Array, " n"] = eqx.field(converter=as_array("jerk"))
+    durations: Float[Array, " n"] = eqx.field(converter=as_array("durations"))
+
+    def __check_init__(self) -> None:
+        require_shape("start", "a trajectory", self.start, (3,), "position, velocity, acceleration")
+        intervals = jnp.shape(self.jerk)[:1]
+        require_shape("jerk", "a trajectory", self.jerk, intervals or (1,), "one per interval")
+        require_shape("durations", "a trajectory", self.durations, intervals, "one per interval")
 
     @property
     def counted(self) -> Bool[Array, " n"]:
@@ -112,15 +118,23 @@ class JerkTrajectory(eqx.Module):
         return jnp.where(self.counted, self.jerk, self.jerk[jnp.argmax(self.counted)])
 
 
-def uniform(start: Float[Array, "3"], jerk: Float[Array, " n"], period: float) -> JerkTrajectory:
+def uniform(start: Numbers, jerk: Numbers, period: float) -> JerkTrajectory:
     """A trajectory whose intervals all last `period` seconds."""
-    jerk = jnp.asarray(jerk)
-    return JerkTrajectory(jnp.asarray(start, jerk.dtype), jerk, jnp.full(jerk.shape, period))
+    jerk = as_array("jerk")(jerk)
+    durations = np.full(jerk.shape, as_known("period")(period))  # known, even where jerk is traced
+    return JerkTrajectory(jnp.asarray(start, jerk.dtype), jerk, durations)
 
 
 def ticks(trajectory: JerkTrajectory, period: float) -> int:
     """How many controller ticks of `period` seconds a motion lasts: a whole number, or refused."""
-    duration = float(trajectory.duration)
+    require_concrete(
+        "the number of sample periods",
+        "Trace the jerk alone, or a `jaxid.loop.closed_loop.closed_loop` made before.",
+        durations=trajectory.durations,
+        period=period,
+    )
+    # not in jax, where even known numbers are traced under `jit`
+    duration = float(np.sum(np.asarray(trajectory.durations)))
     exact = duration / period
     require(
         abs(exact - round(exact)) < 1e-6,

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxid._types import Scalar
+from jaxid._types import Scalar, as_array
 from jaxid.loop.record import Rows
 from jaxid.regression.filters import adjoint, filtered_rows
 from jaxid.regression.minimax import minimax
@@ -78,8 +78,8 @@ class Filtered(Estimator):
     """
 
     estimator: Estimator
-    bandwidth: Scalar = eqx.field(converter=jnp.asarray)
-    period: Scalar = eqx.field(converter=jnp.asarray)
+    bandwidth: Scalar = eqx.field(converter=as_array("bandwidth"))
+    period: Scalar = eqx.field(converter=as_array("period"))
 
     def __call__(
         self, rows: Rows, half_widths: Float[Array, " m"], norm: Norm | None = None

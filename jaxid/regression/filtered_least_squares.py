@@ -1,6 +1,6 @@
 """The paper's identification (28)-(29): least squares of a filtered record."""
 
-from jaxid._checks import require_float64
+from jaxid._checks import is_concrete, require_float64
 from jaxid.loop.record import Record
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate, least_squares_estimate
@@ -35,7 +35,8 @@ def filtered_least_squares(
         >>> estimate.theta.round(3).tolist(), estimate.bound.round(2).tolist()
         ([7.0, 20.0, 15.0], [1.24, 36.45, 10.08])
     """
-    require_float64("record", record)
+    require_float64(record=record, system=system)
     passed = filtered(record, bandwidth, period)
-    require_informative(passed.rows, system.names, system.half_widths)
+    if is_concrete(passed.rows):
+        require_informative(passed.rows, system.names, system.half_widths)
     return least_squares_estimate(passed, system)

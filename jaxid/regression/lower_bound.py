@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import linprog
 
-from jaxid._checks import require_float64
+from jaxid._checks import require_concrete, require_float64
 from jaxid.model.interval_arithmetic import Range, exactly
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
@@ -68,7 +68,14 @@ def lower_bound(system: System, limits: Limits, norm: Norm | None = None) -> Low
         >>> [round(x, 1) for x in least.value.tolist()]
         [0.7, 12.6, 6.7]
     """
-    require_float64("system", system)
+    require_float64(system=system, limits=limits, norm=norm)
+    require_concrete(
+        "the lower bound, a linear program,",
+        "Trace `jaxid.planned_error`, the error of one motion.",
+        system=system,
+        limits=limits,
+        norm=norm,
+    )
     functionals = np.eye(len(system.names)) if norm is None else np.asarray(norm.functionals)
     found = [_of_one(system, limits, c) for c in functionals]
     value, above, dual = (jnp.asarray(np.stack(column)) for column in zip(*found, strict=True))

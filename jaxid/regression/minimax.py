@@ -86,8 +86,7 @@ def minimax(rows: Rows, half_widths: Float[Array, " m"], norm: Norm | None = Non
     Raises:
         ValueError: if anything is not float64, or a δ or b is not above zero and finite.
     """
-    require_float64("rows", rows)
-    require_float64("half_widths", half_widths)
+    require_float64(rows=rows, half_widths=half_widths)
     if is_concrete((rows, half_widths)):
         _require_bounded(rows, half_widths)
     return _minimax(rows, half_widths, Norm(jnp.eye(half_widths.size)) if norm is None else norm)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require
-from jaxid._types import Scalar, dot
+from jaxid._types import Numbers, Scalar, as_array, dot
 from jaxid.loop.record import Rows
 
 
@@ -91,9 +91,14 @@ class Norm(eqx.Module):
         functionals: the rows c_k, shape (k, m).
     """
 
-    functionals: Float[Array, "k m"]
+    functionals: Float[Array, "k m"] = eqx.field(converter=as_array("functionals"))
 
     def __check_init__(self) -> None:
+        require(
+            self.functionals.ndim == 2,
+            "Argument `functionals` of a norm must be a matrix, one row per functional, but has "
+            f"the shape {self.functionals.shape}.",
+        )
         if is_concrete(self.functionals):
             require(
                 bool(jnp.all(jnp.any(self.functionals != 0, axis=1))),
@@ -107,7 +112,7 @@ def individual(index: int, count: int) -> Norm:
     return Norm(jnp.zeros((1, count)).at[0, index].set(1.0))
 
 
-def infinity(scale: Float[Array, " m"]) -> Norm:
+def infinity(scale: Numbers) -> Norm:
     """The ∞ norm of (13), each parameter divided by its own scale so that units do not matter.
 
     Args:
