@@ -58,7 +58,7 @@ class Limits(eqx.Module):
 
     @property
     def motion(self) -> Float[Array, "3 2"]:
-        """The limits of position, velocity and acceleration, rows of (lower, upper), shape (3, 2)."""
+        """The limits of position, velocity and acceleration, one row (lower, upper) each."""
         return jnp.stack([self.position, self.velocity, self.acceleration])
 
 

@@ -1,7 +1,7 @@
-"""Improve one motion, for any objective and with limits on the axis itself: design through a loop.
+"""Improvement of one given motion, for any objective and with limits on the axis itself.
 
-A good motion is easily destroyed, so the search is warm: quasi-Newton steps with a line search on
-penalties, then linear programs, and nothing but an admissible improvement is ever accepted.
+Quasi-Newton steps with a line search on an augmented Lagrangian come first, then linear programs.
+Only admissible improvements are accepted.
 """
 
 import equinox as eqx
@@ -28,17 +28,19 @@ def improve(
     effort: Effort = Effort(),
     report: Report = lambda message: None,
 ) -> Design:
-    """Improve a given motion: restored to the limits if it leaves them, and never made worse.
+    """Return an improved motion that keeps all limits, from a given one that may violate them.
+
+    The start is first restored to the limits; later steps never make it worse.
 
     Args:
-        problem: objective, limits and what the axis does.
-        start: a motion of intervals of equal duration.
-        effort: how long to improve.
-        report: called with what is being computed.
+        problem: objective, limits, and the prediction of the axis.
+        start: motion with intervals of equal duration.
+        effort: numbers of steps of the improvement.
+        report: function that is called with the name of each stage as it begins.
 
     Raises:
-        ValueError: if not even the motion that stays farthest inside its limits keeps those of the
-            axis.
+        InfeasibleError: if no motion of this length keeps the limits of the motion.
+        ValueError: if no motion was found whose axis keeps its limits.
     """
     start = trimmed(start)
     intervals, period = start.jerk.size, float(start.durations[0])
@@ -66,7 +68,7 @@ def improve(
 
 
 def _still(problem: Problem, trajectory: JerkTrajectory) -> Problem:
-    """The problem with what the axis adds to its motion taken as fixed: limits need no loop."""
+    """Return the problem with the axis' deviations from its motion fixed: no simulation needed."""
     if problem.axis is None:
         return problem
     axis = freeze(problem.axis, problem.limits, trajectory)
