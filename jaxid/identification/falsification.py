@@ -1,4 +1,4 @@
-"""The smallest disturbance bound that is consistent with data, and proofs that less is not."""
+"""Falsification of the disturbance bound: proved lower bounds on the δ that data need."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -24,14 +24,16 @@ _TINY = 1e-6
 def smallest_factor(
     rows: Callable[[Scalar], RegressionRows], knots: Knots = None, least: float = LEAST
 ) -> float:
-    """The largest s for which s·δ is proved not to explain the data; a thousandth more may do.
+    """Return a proved lower bound on the factor s with which s·δ can explain the data.
 
-    It is `MOST` if not even that does; then an input, a unit or a sign must be wrong.
+    No disturbance below s·δ explains them; s·δ times 1.001 may. The result `MOST` (1000) means that
+    not even 1000·δ explains them; then an input, a unit or a sign is probably wrong.
 
     Args:
-        rows: the data as rows, with δ multiplied by a factor; for a log its brackets depend on it.
-        knots: of the weights, at most; default all rows.
-        least: where the search begins, and what is returned if already it may explain them.
+        rows: function that returns the data as regression rows, with δ multiplied by its argument;
+            for a log, the bounds of its states depend on it.
+        knots: largest number of weights; default one per row.
+        least: first factor of the search, which is returned if it may explain the data.
     """
 
     def needed(factor: float, count: Knots) -> float:
@@ -57,13 +59,13 @@ def smallest_factor(
 def smallest_disturbance_factor(
     system: System, logs: Sequence[Log], knots: Knots = None, least: float = LEAST
 ) -> float:
-    """`smallest_factor` of the δ of a system, for logs of it: above 1 they contradict it.
+    """Return a proved lower bound on the factor of δ that logs need; above 1 they are inconsistent.
 
     Args:
-        system: its box and δ.
-        logs: of one axis.
-        knots: of the weights, at most, for each log; default all rows.
-        least: what is returned if already it may explain them.
+        system: axis with its prior box and disturbance bound δ.
+        logs: logs of one axis.
+        knots: largest number of weights per log; default one per row.
+        least: first factor of the search, which is returned if it may explain the logs.
     """
     return smallest_factor(
         lambda s: rows_of_logs(system.with_scaled_disturbance(s), logs), knots, least
@@ -73,14 +75,14 @@ def smallest_disturbance_factor(
 def _closed_in(
     needed: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
 ) -> tuple[float, float]:
-    """Factors a thousandth apart, of which one does not explain the data and the other may.
+    """Return two factors of δ 0.1 % apart: the lower does not explain the data, the upper may.
 
-    By turns: a false position on logarithms, a step next to it, and a bisection.
+    The search alternates between false position on logarithms, a step next to it, and bisection.
 
     Args:
-        needed: of a factor, how much more of δ it would take.
-        low: a factor that does not, and what it would take.
-        high: a factor that does, likewise.
+        needed: function that returns the further factor of δ that is needed at a factor.
+        low: factor that does not explain the data, and the further factor needed.
+        high: factor that may explain the data, and the further factor needed.
     """
     step, moved = 0, high
     while high[0] > low[0] * (1 + _CLOSE):
@@ -99,7 +101,15 @@ def _closed_in(
 def needed_factor(
     logged: RegressionRows, program: Program, misfit: Float[np.ndarray, " n"]
 ) -> float:
-    """What δ must be multiplied by, at least, proved by one row of weights."""
+    """Return a lower bound on the factor of δ that data need, proved by one vector of weights.
+
+    It is 0 if the weights prove nothing.
+
+    Args:
+        logged: data as regression rows.
+        program: linear program of the rows.
+        misfit: u − Φ·centre of the rows, shape (n,), in the unit of the input.
+    """
     weights = jnp.asarray(program.contradicting(misfit))[None]
     nothing = jnp.zeros((1, program.half_widths.size))
     end, disturbed = upper_ends(logged, weights, jnp.asarray(misfit), nothing)
