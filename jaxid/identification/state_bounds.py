@@ -99,7 +99,7 @@ def _state_bounds(system: System, log: Log) -> StateBounds:
 
 
 def _around_samples(speed: Float[Array, " n"], top: Scalar) -> Float[Array, " samples"]:
-    """Return the larger speed of the samples before and after each instant; the top at both ends."""
+    """Return the larger speed of the samples before and after each instant; the top at the ends."""
     inner = jnp.maximum(speed[:-1], speed[1:])
     return jnp.concatenate([top[None], inner, top[None]])
 
