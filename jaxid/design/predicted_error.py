@@ -183,7 +183,7 @@ class PredictedError(Criterion):
 
     @property
     def start(self) -> LeastSquaresError:
-        """The least-squares criterion with the same targets; its optimal motions are good starts."""
+        """The least-squares criterion with the same targets: its optimal motions are good starts."""
         return LeastSquaresError(self.system, infinity(self.targets))
 
     def near(self, task: Task, motion: JerkTrajectory) -> GuaranteedError:
