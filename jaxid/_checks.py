@@ -1,4 +1,4 @@
-"""Refusals, as sentences that name the argument, its value and what would be right."""
+"""Checks of arguments: error messages name the argument, its value and the valid values."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +10,7 @@ from jax.core import Tracer
 
 
 def is_concrete(tree: Any) -> bool:
-    """Whether every leaf of `tree` has a value to look at (none is being traced)."""
+    """Return whether every leaf of `tree` has a value, i.e. is not being traced by JAX."""
     return not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
@@ -21,12 +21,28 @@ def require(condition: Any, sentence: str, error: type[ValueError] = ValueError)
 
 
 def require_positive(name: str, owner: str, value: Any) -> None:
-    """Refuse a number, or an array of them, that is not above zero or not finite."""
+    """Raise a ValueError unless all numbers of an argument are above zero and finite.
+
+    A traced value is not checked.
+
+    Args:
+        name: name of the argument.
+        owner: owner of the argument, with its article, e.g. "a servo".
+        value: number or array.
+    """
     _require_numbers(name, owner, value, "positive", lambda x: x > 0)
 
 
 def require_at_least_zero(name: str, owner: str, value: Any) -> None:
-    """Refuse a number, or an array of them, that is below zero or not finite."""
+    """Raise a ValueError unless all numbers of an argument are zero or above, and finite.
+
+    A traced value is not checked.
+
+    Args:
+        name: name of the argument.
+        owner: owner of the argument, with its article, e.g. "a servo".
+        value: number or array.
+    """
     _require_numbers(name, owner, value, "at least zero", lambda x: x >= 0)
 
 
@@ -43,7 +59,14 @@ def _require_numbers(
 
 
 def require_interval(name: str, interval: Any) -> None:
-    """Refuse an interval that is not finite or whose lower end is not below its upper end."""
+    """Raise a ValueError unless both ends of an interval are finite, the lower below the upper.
+
+    A traced interval is not checked.
+
+    Args:
+        name: name of the argument.
+        interval: lower and upper end.
+    """
     if not is_concrete(interval):
         return
     lower, upper = (float(end) for end in interval)
@@ -59,7 +82,12 @@ def require_interval(name: str, interval: Any) -> None:
 
 
 def require_float64(name: str, value: Any) -> None:
-    """Refuse to certify anything in single precision."""
+    """Raise a ValueError unless all floating-point arrays of an argument are float64.
+
+    Args:
+        name: name of the argument.
+        value: array or a structure of arrays.
+    """
     for leaf in jax.tree.leaves(value):
         dtype = jnp.result_type(leaf)
         require(

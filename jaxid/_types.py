@@ -1,4 +1,4 @@
-"""Arrays by what they stand for, and the products of the regression form."""
+"""Types of arrays by their meaning, and products of the regression form."""
 
 from collections.abc import Sequence
 
@@ -12,12 +12,15 @@ Ends = Sequence[float] | Float[Array, "2"]
 
 
 def as_interval(ends: Sequence[float] | Array) -> Array:
-    """A few numbers as one array in the default float type."""
+    """Return a few numbers as one array in the default float type."""
     return jnp.asarray(ends, dtype=float)
 
 
 def dot(columns: Sequence[Motion], theta: Float[Array, " m"]) -> Motion:
-    """Σ_j columns[j]·θ_j, column by column: scalars stay scalars, so that a scan is one kernel."""
+    """Return Σ_j columns[j]·θ_j, in the shape of a column.
+
+    It is summed column by column: scalars stay scalars, so that a scan is one kernel.
+    """
     total = columns[0] * theta[0]
     for j, column in enumerate(columns[1:], start=1):
         total = total + column * theta[j]

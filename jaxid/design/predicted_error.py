@@ -183,7 +183,7 @@ class PredictedError(Criterion):
 
     @property
     def start(self) -> LeastSquaresError:
-        """The least-squares criterion with the same targets: its optimal motions are good starts."""
+        """The least-squares criterion whose optimal motions are good starts: same targets."""
         return LeastSquaresError(self.system, infinity(self.targets))
 
     def near(self, task: Task, motion: JerkTrajectory) -> GuaranteedError:
