@@ -236,7 +236,7 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: words of the command line without the program; default those of this process.
 
     Raises:
-        SystemExit: if the exit code is not 0.
+        SystemExit: with the exit code, if the command fails or only prints its help.
     """
     configure()
     try:

@@ -158,8 +158,8 @@ class IdentifiedParameter(msgspec.Struct, frozen=True, kw_only=True):
         bound: worst-case error of theta_hat, in the unit.
         guaranteed: intersection of theta_hat ± bound with the prior interval, in the unit; it
             contains the true value.
-        possible: interval of all values that are consistent with the log, in the unit; within
-            guaranteed.
+        possible: guaranteed interval that contains all values consistent with the log, in the unit;
+            it lies within guaranteed.
     """
 
     unit: str

@@ -24,16 +24,17 @@ _TINY = 1e-6
 def smallest_factor(
     rows: Callable[[Scalar], RegressionRows], knots: Knots = None, least: float = LEAST
 ) -> float:
-    """Return a proved lower bound on the factor s with which s·δ can explain the data.
+    """Return a lower bound on the factor s with which s·δ can explain the data, to 0.1 %.
 
-    No disturbance below s·δ explains them; s·δ times 1.001 may. The result `MOST` (1000) means that
-    not even 1000·δ explains them; then an input, a unit or a sign is probably wrong.
+    Two results have a special meaning: `least`, if even least·δ may explain the data, so that
+    nothing is proved; and `MOST` (1000), if not even 1000·δ explains them, so that an input, a unit
+    or a sign is probably wrong.
 
     Args:
         rows: function that returns the data as regression rows, with δ multiplied by its argument;
             for a log, the bounds of its states depend on it.
         knots: largest number of weights; default one per row.
-        least: first factor of the search, which is returned if it may explain the data.
+        least: first factor of the search.
     """
 
     def needed(factor: float, count: Knots) -> float:
@@ -61,11 +62,14 @@ def smallest_disturbance_factor(
 ) -> float:
     """Return a proved lower bound on the factor of δ that logs need; above 1 they are inconsistent.
 
+    The result is `least` if nothing is proved, and `MOST` (1000) if not even 1000·δ explains the
+    logs.
+
     Args:
         system: axis with its prior box and disturbance bound δ.
         logs: logs of one axis.
         knots: largest number of weights per log; default one per row.
-        least: first factor of the search, which is returned if it may explain the logs.
+        least: first factor of the search.
     """
     return smallest_factor(
         lambda s: rows_of_logs(system.with_scaled_disturbance(s), logs), knots, least
@@ -103,7 +107,7 @@ def needed_factor(
 ) -> float:
     """Return a lower bound on the factor of δ that data need, proved by one vector of weights.
 
-    It is 0 if the weights prove nothing.
+    It is 0 if the program has no solution.
 
     Args:
         logged: data as regression rows.

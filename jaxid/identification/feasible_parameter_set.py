@@ -29,7 +29,7 @@ _DIRECTIONS = 48  # of a projection
 
 
 class FeasibleSet(NamedTuple):
-    """The smallest box around the feasible parameter set (its interval hull).
+    """A box that contains the feasible parameter set: all θ that are consistent with the data.
 
     Attributes:
         lower: lower ends of the intervals, shape (m,), in the units of the parameters.
@@ -43,12 +43,12 @@ class FeasibleSet(NamedTuple):
 def feasible_set(
     logged: RegressionRows, others: Sequence[Estimate] = (), knots: Knots = None
 ) -> FeasibleSet:
-    """Return the interval of each parameter over all θ of the prior box that explain the data.
+    """Return intervals that contain all θ of the prior box that are consistent with the data.
 
     Args:
         logged: data as regression rows, with their system.
         others: estimates whose intervals are intersected with the result.
-        knots: largest number of weights; default one per row.
+        knots: largest number of weights; default one per row, which gives the tightest intervals.
 
     Raises:
         InconsistentLogError: if no θ of the prior box is consistent with the data, or the

@@ -40,8 +40,8 @@ class Identification(NamedTuple):
 
     Attributes:
         system: axis with the prior box and δ that the intervals assume.
-        lower: lower ends of the guaranteed intervals, shape (m,), in the units of the parameters:
-            the interval hull of all θ in the prior box that are consistent with the logs.
+        lower: lower ends of the guaranteed intervals, shape (m,), in the units of the parameters;
+            the intervals contain all θ in the prior box that are consistent with the logs.
         upper: upper ends of the guaranteed intervals, shape (m,), in the units of the parameters.
         estimate: estimate θ̂ ± bound of a fixed linear estimator; its intervals contain the
             guaranteed ones.

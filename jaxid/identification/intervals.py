@@ -27,8 +27,9 @@ class GuaranteedIntervals(NamedTuple):
     """Intervals that contain θ if the logs are consistent with the system.
 
     Attributes:
-        estimate: estimate by optimal modulating functions. Its prior box is the intersection of
-            what the pass before and, of several logs, each log alone leaves.
+        estimate: estimate by optimal modulating functions. Its prior box is the one left by the
+            pass before; of several logs, the intersection of the intervals of all and of each
+            alone.
         rows: regression rows of the last pass, for other estimators.
     """
 

@@ -205,8 +205,8 @@ def upper_ends(
     """Return upper ends of Cθ by given weights, and the part of them that is due to δ.
 
     They hold for every θ of the prior box that is consistent with the data, and are never above
-    those of the box. A functional of zero gives gᵀ(u − Φ·centre) + error instead, which is below
-    zero if the data are inconsistent.
+    those of the box. A functional of zero gives gᵀ(u − Φ·centre) + error instead; if that is below
+    zero, the data are inconsistent.
 
     Args:
         logged: data as regression rows, with their system.

@@ -1,7 +1,7 @@
 """Set-points of a motion: sampled at the period of a servo, in files that servos read, and checked.
 
-The check reads the numbers back from a file. It assumes that the servo joins the positions by
-straight lines: their slopes and the changes of slope give velocity and acceleration.
+The check reads the numbers back from a file, and assumes that the servo holds the positions, or
+joins them by straight lines: their slopes and the changes of slope give velocity and acceleration.
 """
 
 import io
@@ -40,7 +40,7 @@ class Setpoints(NamedTuple):
 
 
 def sampled(trajectory: JerkTrajectory, period: float) -> Setpoints:
-    """Return a motion as set-points, one per sample period of a servo.
+    """Return a motion as set-points: its states at every sample of a servo, the end included.
 
     Args:
         trajectory: motion.

@@ -22,9 +22,9 @@ class Controller(eqx.Module):
 
     @property
     def k1_of_p(self) -> Scalar:
-        """The k₁ of the combined error p = ė + k₁e that `AgainstTracking` increases, in 1/s.
+        """The k₁ of the combined error p = ė + k₁e that `AgainstTracking` drives from zero, in 1/s.
 
-        Zero, the default, makes the disturbance act on the velocity error alone.
+        Zero, the default, makes that disturbance depend on the velocity error alone.
         """
         return jnp.zeros(())
 

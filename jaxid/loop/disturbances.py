@@ -138,7 +138,7 @@ class Sequence(Disturbance):
 
 
 class AgainstTracking(Disturbance):
-    """The worst-case disturbance of Theorem 4: Δ = −δ·sign(p) increases p = ė + k₁e.
+    """The worst-case disturbance of Theorem 4: Δ = −δ·sign(p), with p = ė + k₁e, increases |p|.
 
     Attributes:
         k1: k₁, 1/s; None, the default, stands for that of the controller, which `drawn` fills in.

@@ -8,7 +8,9 @@ SMOOTHINGS = (0.0006, 0.0001)
 
 
 class Effort(NamedTuple):
-    """The effort of a search for a motion; the default is within 1 % for the motor of the paper.
+    """The effort of a search for a motion: numbers of starts, steps, rounds and linear programs.
+
+    With the default, the motions for the motor of the paper are found within one per cent.
 
     A search from random motions uses all fields up to `smoothings`; a design for the predicted
     error also `searches` and those with `predicted`; an improvement of a given motion uses

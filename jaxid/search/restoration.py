@@ -26,8 +26,9 @@ def interior_motion(
 ) -> JerkTrajectory:
     """Return a motion with a margin to all limits.
 
-    It is the motion of largest margin to the limits of the motion. If the margin of the axis is
-    below 0.02 half-widths, it is the best one of those with reduced acceleration limits.
+    It is the motion of largest margin to the limits of the motion. If the problem has limits on the
+    axis too, and a margin is below 0.02 half-widths, motions with reduced acceleration limits are
+    tried, down to 40 %.
 
     Args:
         problem: limits and boundary of the motion, and the prediction of the axis.
