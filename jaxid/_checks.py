@@ -51,7 +51,7 @@ def _require_numbers(
 ) -> None:
     if not is_concrete(value):
         return
-    found = np.asarray(value)  # in jax it would be traced with what it belongs to
+    found = np.asarray(value)  # NumPy: a JAX operation would be traced
     require(
         np.all(holds(found) & np.isfinite(found)),
         f"Argument `{name}` of {owner} must be {what} and finite, but is {found.tolist()}.",

@@ -18,7 +18,7 @@ from jaxid._checks import require
 _FOLD = "xla_cpu_small_while_loop_byte_threshold"
 _TRIED = ("0.10.2",)
 
-# a year of work with one version leaves about half of it
+# about twice what a year of work with one version adds
 _MOST_COMPILED = 2_000_000_000  # bytes
 
 
@@ -71,8 +71,8 @@ def _keep_compiled() -> None:
         jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    # JAX writes into place: what another process has not written to its end, or cannot write any
-    # more, is compiled again
+    # JAX does not write entries atomically: an entry that another process has not finished is
+    # compiled again
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry")
 
 
@@ -88,7 +88,7 @@ def _make_room(folder: Path, most: int = _MOST_COMPILED) -> None:
             state = entry.stat()
         except OSError:  # another process has removed it
             continue
-        # many systems note only the first reading of a day
+        # many systems update the access time only once a day
         used = max(state.st_atime, state.st_mtime) if state.st_size else 0.0
         found.append((used, entry.path, state.st_size))
     total = sum(size for _, _, size in found)
@@ -148,7 +148,7 @@ def connect(
     jax.config.update("jax_num_cpu_devices", max(devices, 2) if count == 1 else devices)
     if count > 1:
         jax.distributed.initialize(*by_hand)
-        # it takes SIGTERM for a warning, and would go on; there is nothing here to be warned of
+        # JAX treats SIGTERM as a warning and continues; restore the default, which ends the process
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 

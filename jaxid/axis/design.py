@@ -21,9 +21,9 @@ from jaxid.regression.lower_bound import LowerBound, lower_bound
 from jaxid.search.effort import Effort
 from jaxid.search.problem import Report
 
-ALL = "all"  # parameters at once, each error over its floor
-WANTED = "wanted"  # those of the file, each error over what is wanted
-FACTORS = (0.5, 2.0)  # of δ, for which it is shown too what could be guaranteed
+ALL = "all"  # parameters at once, each error relative to its lower bound
+WANTED = "wanted"  # parameters of [wanted], each error relative to its accuracy
+FACTORS = (0.5, 2.0)  # of δ, for which predicted errors are reported too
 
 
 class AxisDesign(NamedTuple):

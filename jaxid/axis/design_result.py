@@ -22,7 +22,7 @@ from jaxid.io.setpoints import margins, sampled, setpoint_bytes, setpoints_in
 
 _SETPOINTS = tuple(Path(name) for name in ("setpoints.csv", "setpoints.mat", "setpoints.h"))
 _TITLES = {ALL: "all parameters", WANTED: "the errors that are wanted"}
-_ROUNDED = 1e-6  # half-widths: what differences of rounded positions may be beyond
+_ROUNDED = 1e-6  # half-widths: tolerance for differences of rounded positions
 
 
 @dataclass(frozen=True, eq=False)

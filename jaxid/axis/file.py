@@ -28,7 +28,7 @@ from jaxid.model.system import System
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import uniform
 
-PROGRAM = f"jaxid {version('jaxid')}"  # that wrote a result
+PROGRAM = f"jaxid {version('jaxid')}"  # program that writes results
 
 
 class Axis(NamedTuple):
@@ -197,7 +197,7 @@ def _named(name: str, folder: Path) -> System:
         raise ValueError(
             f"`python` must name a jaxid.System, but {name} is a {type(system).__name__}."
         )
-    with _sentences(path):  # functions of its own must take arrays, whose values are not known yet
+    with _sentences(path):  # user functions must accept traced arrays
         jax.eval_shape(system.regressors, *jnp.zeros((3, 2)))
         jax.eval_shape(system.disturbance_bound, *jnp.zeros((2, 2)))
     return system

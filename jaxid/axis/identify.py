@@ -26,8 +26,8 @@ from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 
-_SHOWN = 10  # pieces that are named
-_ABSURD = 20.0  # times a limit's half-width, which no stop, amplifier or clock would let pass
+_SHOWN = 10  # segments that are listed
+_ABSURD = 20.0  # half-widths of a limit: beyond it, a unit must be wrong
 
 
 class Identified(NamedTuple):
@@ -80,7 +80,7 @@ def identify_axis(
 def _fit_if_possible(system: System, logs: Sequence[Log]) -> LeastSquaresFit | None:
     try:
         return fit_least_squares(system, logs)
-    except ValueError:  # a bound needs no θ that is the only one to fit
+    except ValueError:  # guaranteed intervals do not need a unique fit
         return None
 
 

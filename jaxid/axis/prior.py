@@ -24,10 +24,10 @@ from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.regressors import Coulomb, OneWay, Sign, Viscous
 from jaxid.model.system import System, Term
 
-_SHARE = 0.5  # of the estimate
-_LEAST_INERTIA = 0.1  # of the estimate: it must stay above zero
+_SHARE = 0.5  # half-width of an interval, relative to the estimate
+_LEAST_INERTIA = 0.1  # lower end of its interval, relative to the estimate
 MARGIN = 1.25
-_KNOTS = 6000  # of all rows together: fewer would let a smaller δ seem enough
+_KNOTS = 6000  # of all logs together: with fewer, δ is underestimated
 RULE = (
     f"Each interval is the least-squares estimate, plus and minus {_SHARE:.0%} of it, or what a "
     "disturbance as large as the largest rest of the fit can shift it by, if that is more; inertia "

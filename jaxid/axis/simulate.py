@@ -21,9 +21,9 @@ from jaxid.loop.simulate import Signals
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
-SUBSTEPS = 5  # Runge-Kutta steps per period: what happens between ticks counts
+SUBSTEPS = 5  # Runge-Kutta steps per period: limits are checked between samples too
 DRAWN = 30
-_PUSH = 10.0  # 1/s: how fast the adversary's position error counts beside its velocity error
+_PUSH = 10.0  # 1/s: k₁ of the disturbances against tracking
 
 
 class Simulated(NamedTuple):

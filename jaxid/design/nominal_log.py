@@ -122,4 +122,4 @@ def nominal_log(
 
 @eqx.filter_jit
 def _log(model: NominalLog, trajectory: JerkTrajectory) -> Log:
-    return whole(model(trajectory)[0])  # as long as the motion that the model is for
+    return whole(model(trajectory)[0])  # the model was made for this motion: no padding

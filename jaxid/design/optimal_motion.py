@@ -20,7 +20,7 @@ from jaxid.search.problem import Design, Objective, Problem, Report, Show
 from jaxid.search.restoration import interior_motion, restored
 from jaxid.search.slp import refined
 
-_MET = 1e-9  # half-widths: far more than rounding leaves, and than any stop would notice
+_MET = 1e-9  # half-widths: far above rounding errors, and negligible for the axis
 
 
 def optimal_motion(
@@ -106,7 +106,7 @@ class _Search(NamedTuple):
         """The best of several searches, each from the best motion for least squares."""
         count, smoothings = self.effort.searches, self.effort.predicted_smoothings
         require(count >= 1, f"Argument `searches` of an effort must be 1 or more, but is {count}.")
-        criterion.near(self.task, self.deep)  # refuses a servo without a log before the search
+        criterion.near(self.task, self.deep)  # raises if the servo cannot record a log
         found = []
         for k, own in enumerate(jax.random.split(key, count), start=1):
             label = f"search {k} of {count}"

@@ -30,8 +30,8 @@ from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.worst_case import affine_worst_case_error, bias, infinity
 
-# of the largest relative error, in units of smoothing: were it as sharp as the jumps of δ, a polish
-# would stall where two parameters tie
+# rounding of the maximum over parameters, in units of the smoothing of jumps: with less of it, a
+# refinement would stall where the errors of two parameters are equal
 _CORNER = 30.0
 
 
@@ -72,7 +72,7 @@ class GuaranteedError(eqx.Module):
         errors = self.errors(trajectory, smoothing)
         if not self.largest:
             return jnp.log(jnp.sum(errors / self.targets))
-        logs = jnp.log(errors) - jnp.log(self.targets)  # not of 0, whose log has no slope
+        logs = jnp.log(errors) - jnp.log(self.targets)  # errors / inf = 0: its log has no gradient
         corner = jnp.where(smoothing > 0, _CORNER * smoothing, 1.0)
         rounded = corner * jax.scipy.special.logsumexp(logs / corner)
         return jnp.where(smoothing > 0, rounded, jnp.max(logs))
@@ -103,7 +103,7 @@ class GuaranteedError(eqx.Module):
     def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> RegressionRows:
         log, states = self.log_model(trajectory)
         found = stop_gradient(state_bounds(self.narrow, stop_gradient(log)))
-        # ranges of fixed width that go along with what they are about
+        # ranges of fixed width whose midpoints have the gradient of the states
         y, v, a = (x + (at - stop_gradient(at)) for x, at in zip(found[:3], states, strict=True))
         found = StateBounds(y, v, a, found.reading)
         step = jnp.abs(states.acceleration) * log.period / 2

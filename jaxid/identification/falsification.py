@@ -14,10 +14,10 @@ from jaxid.identification.regression_rows import RegressionRows, upper_ends
 from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 
-LEAST, MOST = 1e-3, 1e3  # factors of δ that are looked at
-_CLOSE = 1e-3  # relative, of the smallest one
-_COARSE = 1000  # knots, to begin with
-_WIDER = 1.03  # times the factor that few knots find: all find 2 or 3 % more of the motor's
+LEAST, MOST = 1e-3, 1e3  # smallest and largest factor of δ in the search
+_CLOSE = 1e-3  # relative accuracy of the factor
+_COARSE = 1000  # number of weights in the first search
+_WIDER = 1.03  # step beyond the factor of few weights: all find 2 or 3 % more for the motor
 _TINY = 1e-6
 
 
@@ -47,7 +47,7 @@ def smallest_factor(
 
     few = min(_COARSE, knots) if isinstance(knots, int) else knots or _COARSE
     low, high, n_low = least, least, np.inf
-    for count in dict.fromkeys((few, knots)):  # what few see, all would see
+    for count in dict.fromkeys((few, knots)):  # a proof with few weights is one with all
         while (n_high := needed(high, count)) > 1.0:
             if high == MOST:
                 return MOST

@@ -25,7 +25,7 @@ from jaxid.identification.regression_rows import ROUNDED, RegressionRows, upper_
 from jaxid.loop.log import InconsistentLogError
 from jaxid.regression.estimate import Estimate
 
-_DIRECTIONS = 48  # of a projection
+_DIRECTIONS = 48  # edges of a projection
 
 
 class FeasibleSet(NamedTuple):
@@ -66,7 +66,7 @@ def feasible_set(
     axes = np.eye(len(system.names))
     upper = _ends(logged, program, misfit, axes)
     lower = -_ends(logged, program, misfit, -axes)
-    # as an end of the box is computed from its centre, it may miss it by a last bit
+    # centre ± half-width may differ from an end of the box in the last bit
     close = ROUNDED * system.half_widths
     lower = jnp.where(lower <= system.lower + close, system.lower, lower)
     upper = jnp.where(upper >= system.upper - close, system.upper, upper)

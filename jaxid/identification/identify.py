@@ -31,8 +31,8 @@ from jaxid.regression.estimate import Estimate
 
 Directions = dict[str, Float[np.ndarray, " m"]]
 Report = Callable[[str], None]
-_UNCHANGED = 1e-6  # of a prior interval: one that has shrunk by less has not shrunk
-_FAR_FROM_ONE = 0.5  # a factor that a finer test does not raise above 1
+_UNCHANGED = 1e-6  # relative: an interval that shrinks by less counts as unchanged
+_FAR_FROM_ONE = 0.5  # a factor below this is not raised above 1 by more weights
 
 
 class Identification(NamedTuple):
@@ -203,7 +203,7 @@ class _Progress:
             left = feasible_set(found.rows, [found.estimate], weights)
             self.estimates.append(found.estimate)
             self.known = narrowed_to(self.known, left.lower, left.upper)
-        except InconsistentLogError as error:  # intervals can show what the test of δ did not
+        except InconsistentLogError as error:  # more than the test of δ has found
             self._refuse(str(error))
 
     def _refuse(self, sentence: str) -> None:

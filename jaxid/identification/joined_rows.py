@@ -17,7 +17,7 @@ from jaxid.loop.log import Log
 from jaxid.loop.record import Record, Rows
 from jaxid.model.system import System
 
-_BETWEEN = 2  # rows: a second difference reaches two further than the weights
+_BETWEEN = 2  # padding rows: a second difference reaches two rows beyond the weights
 
 
 def rows_of_logs(system: System, logs: Sequence[Log]) -> RegressionRows:
@@ -77,5 +77,5 @@ def _spaced(parts: Sequence[Float[Array, "_"]], count: int, value: float) -> Flo
 
 
 def _channel(parts: Sequence[Channel]) -> Channel:
-    reach = parts[0].stencil.size - 1  # entries that there are more than rows
+    reach = parts[0].stencil.size - 1  # entries of the convolution minus rows
     return Channel(parts[0].stencil, _spaced([part.bound for part in parts], _BETWEEN - reach, 0.0))

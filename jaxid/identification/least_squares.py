@@ -11,10 +11,10 @@ from jaxid._checks import require
 from jaxid.loop.log import Log
 from jaxid.model.system import System
 
-_LEAST = 5  # rows of a mean, so that the noise of second differences is small
-_PIECES = 10  # means of a log of the usual length, at least
-_APART = 1e-3  # a combination of columns of length one that is shorter is zero to a fit
-_PART = 0.01  # of such a combination, from which a parameter counts as one of it
+_LEAST = 5  # least samples of a mean, so that the noise of second differences is small
+_PIECES = 10  # least number of means of a log of median length
+_APART = 1e-3  # singular values of the normalised columns below this count as zero
+_PART = 0.01  # least component of a parameter in their singular vectors
 
 
 class LeastSquaresFit(NamedTuple):

@@ -25,7 +25,7 @@ from jaxid.identification.regression_rows import RegressionRows
 from jaxid.regression.worst_case import Norm
 
 Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
-Knots = int | tuple[int, ...] | None  # of each log, at most: one number for all, or all its rows
+Knots = int | tuple[int, ...] | None  # most per log: one for all, one each, or one per row
 KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
 
 
@@ -144,7 +144,7 @@ class Program:
         """
         tilt = misfit @ self.basis / self.delta
         solution = self._solved(0.0, tilt, np.zeros_like(self.half_widths), most=1.0)
-        if solution.x is None:  # of data far out of scale: then nothing is contradicted
+        if solution.x is None:  # data far out of scale: nothing is proved
             return np.zeros(self.basis.shape[0])
         return self._weights(solution.x)
 
@@ -167,7 +167,7 @@ class Program:
         if most is not None:
             above.append(sparse.csr_array(np.arange(2 * count + noisy + 2 * m)[None] < 2 * count))
             limit = np.append(limit, most)
-        # a sparse A_ub is welcome there, whatever its stub says
+        # linprog accepts a sparse A_ub, although its stub does not
         return linprog(  # pyright: ignore[reportCallIssue]
             np.concatenate([price + tilt, price - tilt, np.ones(noisy + 2 * m)]),
             A_ub=sparse.vstack(above),  # pyright: ignore[reportArgumentType]

@@ -26,7 +26,7 @@ from jaxid.model.regressors import Viscous
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate, estimate
 
-# of a bound: far more than its sums lose by rounding; readings have theirs in `Log`
+# relative, added to a bound: far more than rounding of its sums; for readings see `Log`
 ROUNDED = 1e-9
 
 
@@ -224,6 +224,6 @@ def upper_ends(
     error = (disturbed + logged.shared(weights) + biased) * (1 + ROUNDED)
     box = jnp.abs(functionals) @ system.half_widths
     about = functionals @ system.centre
-    # without a functional there is no box to fall back to
+    # a functional of zero is not limited by the box
     least = jnp.where(box > 0, jnp.minimum(weights @ misfit + error, box), weights @ misfit + error)
     return about + least, disturbed

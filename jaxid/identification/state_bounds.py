@@ -19,8 +19,8 @@ from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.system import System
 
-_WINDOW = 12  # ticks: positions farther apart say less about a velocity than nearer ones
-_PASSES = 4  # of velocity from acceleration and acceleration from velocity
+_WINDOW = 12  # samples: positions farther apart bound a velocity less than nearer ones
+_PASSES = 4  # iterations of velocity bounds from acceleration bounds and vice versa
 
 
 class StateBounds(NamedTuple):
@@ -78,7 +78,7 @@ def _state_bounds(system: System, log: Log) -> StateBounds:
     speed = _top_speed(system, log, mean)
     reading = log.reading_error(jnp.broadcast_to(speed, log.position.shape))
     position, acceleration = _within(system, log, around(speed), reading)
-    # in every tick the velocity is once the mean one
+    # in every sample period the velocity equals its mean at some instant
     reach = (reading[:-1] + reading[1:]) / h + h * abs(acceleration).upper
     velocity = where(known, mean + around(reach), around(speed))
     unread = jnp.where(jnp.append(True, known), 0.0, jnp.inf)

@@ -20,11 +20,11 @@ from pathlib import Path
 from jaxid.io.locks import alone_in
 from jaxid.io.manifest import MANIFEST, manifest_in
 
-# Beside a folder: one that is not finished or not needed, and one that was replaced. Only a process
-# that was killed leaves them, for the next one to tidy up.
+# Folders beside the one to write: an unfinished or obsolete one, and a replaced one. Only a process
+# that was killed leaves them; the next one removes them.
 _REFUSE, _OLD = "jaxid-new", "jaxid-old"
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2  # of linux/fcntl.h and linux/fs.h
-_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)  # the last: a sandbox
+_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)  # EPERM: a sandbox
 
 
 def is_left_over(name: str) -> bool:
@@ -45,7 +45,7 @@ def alone_and_tidy(folder: Path) -> Iterator[None]:
         TimeoutError: if another process holds the lock for more than 60 s.
     """
     with alone_in(folder) as alone:
-        if alone:  # otherwise it may be somebody's who is writing
+        if alone:  # otherwise another process may be writing
             with suppress(OSError):
                 _tidy(folder)
         yield
@@ -108,7 +108,7 @@ def exchange(
         raise
     _sync(folder.parent)
     if not fresh:
-        with suppress(OSError):  # then the next one does
+        with suppress(OSError):  # then the next process does
             _retire(old, folder)
 
 
@@ -170,7 +170,7 @@ def _retire(old: Path, folder: Path) -> None:
     """Remove a replaced folder, after files that a user put into it meanwhile are rescued."""
     _rescue(old, folder)
     refuse = _beside(folder, _REFUSE)
-    old.rename(refuse)  # a half of it must not be taken for a folder that was replaced
+    old.rename(refuse)  # if removal is interrupted, the rest must not count as a replaced folder
     _remove(refuse)
 
 

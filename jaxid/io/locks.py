@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-SECONDS = 60.0  # of waiting: a folder is written within one
+SECONDS = 60.0  # longest wait; a folder is written in less than 1 s
 _PAUSE = 0.01  # s
 _BUSY = (errno.EWOULDBLOCK, errno.EACCES)
 
@@ -42,7 +42,7 @@ def alone_in(folder: Path) -> Iterator[bool]:
                 for place in (*reversed(folder.parents), folder)
                 if place.is_dir()
             }
-            # while one was waited for, another folder may have come to its place
+            # during the wait, the folder may have been replaced
             if folder.is_dir() == (folder in held) and all(map(_still, held.values(), held)):
                 yield all(held[place] is not None for place in closest if place in held)
                 return
@@ -53,7 +53,7 @@ def _locked(place: Path, until: float, *, alone: bool) -> Iterator[int | None]:
     """Lock a folder and yield its descriptor; None if it cannot be locked."""
     try:
         descriptor = os.open(place, os.O_RDONLY)
-    except OSError:  # not to be read, or gone meanwhile; Windows opens no folder
+    except OSError:  # not readable, or removed meanwhile; Windows opens no folder
         yield None
         return
     try:

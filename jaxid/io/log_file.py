@@ -16,7 +16,7 @@ from jaxid._checks import require
 _CHUNK = 1_000_000  # rows of a CSV file that are in memory as text at a time
 _HEAD = 200  # lines, at most, before the first row of numbers
 _BLANKS = r"\s+"
-_COMMENTS = ("#", "%")  # that the first of them may begin with; the names may, too
+_COMMENTS = ("#", "%")  # marks with which header lines may begin, the line of names too
 
 Column = str | int
 
@@ -106,7 +106,7 @@ def _read_csv(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, " 
         dtype=float,
         chunksize=_CHUNK,
         encoding="utf-8-sig",
-        encoding_errors="replace",  # of units in the header
+        encoding_errors="replace",  # units in the header may be encoded otherwise
     )
     rows = pd.concat(list(parts))
     return [rows[place].to_numpy() for place in places]
@@ -191,7 +191,7 @@ def _read_mat(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, " 
         return _read_hdf5(path, wanted)
     try:
         found = loadmat(path)
-    except Exception as error:  # a broken file raises whatever its bytes lead to
+    except Exception as error:  # loadmat raises many kinds of errors for a broken file
         raise ValueError(f"no MAT file that can be read ({error}).") from None
     return _of_arrays({k: v for k, v in found.items() if not k.startswith("__")}, wanted)
 

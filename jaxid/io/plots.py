@@ -221,7 +221,7 @@ def heat_map(
     """
     ordinary = values[np.isfinite(values) & (values <= highest)]
     if ends is None:
-        top = min(highest, 1.0)  # of colours that no value has
+        top = min(highest, 1.0)  # any ends, if no value is finite
         ends = (ordinary.min(), ordinary.max()) if ordinary.size else (top / 2, top)
     norm = (LogNorm if logarithmic else Normalize)(*ends)
     colours = colormaps["viridis"].with_extremes(over=ORANGE)

@@ -23,7 +23,7 @@ from jaxid.io.exchange import alone_and_tidy, exchange, is_left_over, recover
 from jaxid.io.files import json_bytes
 from jaxid.io.manifest import MANIFEST, Manifest, Part, manifest_in, sha256
 
-_SHOWN = 5  # files that are named
+_SHOWN = 5  # files that an error message names
 
 
 def write_result(

@@ -12,11 +12,11 @@ from jaxid._checks import require
 from jaxid.io.log_file import Recorded
 from jaxid.loop.log import JITTER, Log, filled
 
-_LEAST = 4  # ticks of a piece: fewer say hardly anything
-_CLOCKS = 0.01  # that two clocks may differ by
-_NEGLIGIBLE = 1e-6  # of a period
-_ROUNDINGS = 4  # of a stamp and of what is computed from it
-_SHAPES = 2  # lengths that are worth compiling for
+_LEAST = 4  # smallest number of samples of a segment
+_CLOCKS = 0.01  # relative difference that two clocks may have
+_NEGLIGIBLE = 1e-6  # of a period: rounding of time stamps that is ignored
+_ROUNDINGS = 4  # rounding errors of a time stamp and of its differences
+_SHAPES = 2  # number of different lengths that are compiled separately
 
 
 class Segment(NamedTuple):
@@ -74,7 +74,7 @@ def steady_segments(
         f"to {JITTER:.0%}; its {n} rows cannot be read as ticks of that servo.",
     )
     lengths = {piece.log.input.size for piece in found}
-    if len(lengths) > _SHAPES:  # else each would be compiled for
+    if len(lengths) > _SHAPES:  # pad, or each length would be compiled
         found = [piece._replace(log=filled(piece.log, _rung(piece.log))) for piece in found]
     return tuple(found)
 
@@ -145,10 +145,10 @@ def _piece(
     first, stop = part
     period, jitter = _clock(time[first:stop])
     position = jnp.asarray(recorded.position[first + delay : stop])
-    acting = jnp.asarray(recorded.input[first : stop - delay])  # the last one after the last tick
+    acting = jnp.asarray(recorded.input[first : stop - delay])  # one more than sample periods
     if jitter == 0:
         return Segment(first, stop - 1, Log(acting[:-1], position, period, resolution))
-    outer = jnp.stack([acting[0], acting[-1]])  # the tick of the first one lets an unknown one in
+    outer = jnp.stack([acting[0], acting[-1]])  # the first period may hold an unknown input
     log = Log(acting[1:-1], position[1:], period, resolution, jitter, outer)
     return Segment(first, stop - 1, log)
 

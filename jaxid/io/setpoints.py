@@ -20,7 +20,7 @@ from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, ticks
 
 Way = TypeVar("Way")
-VARIABLE = "setpoints"  # of the matrix, and of the array in C
+VARIABLE = "setpoints"  # name of the matrix, and of the array in C
 
 
 class Setpoints(NamedTuple):

@@ -8,8 +8,8 @@ from jaxid._checks import is_concrete, require, require_at_least_zero, require_p
 from jaxid._types import Motion, Scalar
 from jaxid.model.interval_arithmetic import Range, exactly, where
 
-_ROUNDINGS = 4  # of a position: when it is read, and in a difference of two or three
-JITTER = 0.1  # of a period, at most: beyond it a log is hardly one of ticks
+_ROUNDINGS = 4  # rounding errors of a position: of its reading, and of a difference of two or three
+JITTER = 0.1  # largest jitter, relative to the period
 
 
 class InconsistentLogError(ValueError):
@@ -51,7 +51,7 @@ class Log(eqx.Module):
     resolution: Scalar = eqx.field(converter=jnp.asarray)
     jitter: Scalar = eqx.field(converter=jnp.asarray, default=0.0)
     outer: Float[Array, "2"] | None = None
-    # of ticks, from the first one on, that took place, None for all: see `filled`
+    # number of samples before the padding, None for no padding: see `filled`
     _count: Int[Array, ""] | None = None
 
     def __check_init__(self) -> None:

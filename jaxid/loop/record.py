@@ -58,7 +58,7 @@ class Record(eqx.Module):
 
     def only(self, counted: Bool[Array, " n"]) -> "Record":
         """Return the record with zeros, and zero measure, in all rows outside the mask."""
-        # nothing of them: what a loop that diverges leaves there would spoil 0·x of the measure
+        # zero in all columns: if a loop diverges after its motion, 0·inf would be NaN
         return jax.tree.map(lambda column: jnp.where(counted, column, 0.0), self)
 
 

@@ -53,8 +53,8 @@ from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory, States, reference, ticks_of
 from jaxid.motion.violation import Envelope, Prediction
 
-# outward at every tick and of every result, relative to 1 and to what is rounded: far more than all
-# roundings of one tick
+# widening of ranges at every sample, and of the result, relative to 1 and to the value: far more
+# than the rounding errors of one sample
 _ROUNDING = 1e-13
 
 
@@ -157,7 +157,7 @@ def _merged(tube: Tube, trajectory: JerkTrajectory) -> Envelope:
     ticks = ticks_of(trajectory, tube.period, tube.ticks, tube.repeats)
 
     def union(x: Range) -> Range:
-        # a range that is no number bounds nothing
+        # NaN bounds nothing
         lower = jnp.where(jnp.isnan(x.lower), -jnp.inf, x.lower)
         upper = jnp.where(jnp.isnan(x.upper), jnp.inf, x.upper)
         lower, upper = (jax.vmap(ticks.by_repeat)(end) for end in (lower, upper))
@@ -236,7 +236,7 @@ def _next(
         speeds.append(keep * s - h * K * k1 * inverse * e + shaken(keep) + pushed)
         keep = 1 + b - h * K * inverse
         combined.append(keep * p - k1 * b * e + shaken(keep) + k1 * remainder + pushed)
-    # the coarsest rounding is that of a difference of positions over one tick
+    # the largest rounding error is that of a difference of positions over one sample
     spare = around(_ROUNDING * (1 + jnp.abs(now.at.position) / h))
     e = (1 - h * k1) * e + h * (p + around(shift * cell.jitter)) + remainder + spare
     s, p = (functools.reduce(operator.or_, ends) + spare for ends in (speeds, combined))
@@ -261,7 +261,7 @@ def _within(cell: _Cell, place: Range, speed: Range, u: Range) -> tuple[Range, R
         delta = cell.law.system.disturbance_bound.range(there, speed).upper
         return around(delta) - _forces(cell.law.system, cell.theta, there, speed)
 
-    # a guess that is checked: twice what would do if no force changed within the tick
+    # a guess, checked below: twice the acceleration if no force changed within the sample
     most = 2 * inverse.upper * abs(u + push(speed)).upper + 1.0
     wide = inverse * (u + push(speed + around(h * most)))
     wide = where(abs(wide).upper <= most, wide, around(jnp.inf))

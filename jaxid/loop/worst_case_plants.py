@@ -14,7 +14,7 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
-_ROUNDS = 6  # of sign steps: a loop that tracks well is nearly linear in Δ, and one nearly suffices
+_ROUNDS = 6  # sign steps; one nearly suffices if the loop tracks well: it is almost linear in Δ
 _SIDES = 6  # position, velocity and input, each below and above
 
 
@@ -52,7 +52,7 @@ def find_worst_case_plants(
     inner = random_parameters(first, system, count)
     which = jnp.arange(count)
     corners = jnp.where(inner > system.centre[None], system.upper[None], system.lower[None])
-    # every side meets corners and inner points
+    # every side is searched from corners and from inner points
     theta = jnp.where((which // _SIDES % 2 == 0)[:, None], corners, inner)
     forces = random_forces(second, loop.ticks * loop.repeats, count)
     starts = _Plants(theta, forces.shares)

@@ -15,8 +15,8 @@ from jaxid._types import Interval, Motion, Scalar, as_interval
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.smoothing import Nonsmooth
 
-_CELLS = 64  # per side, in which a user's own regressor is looked at for (18)
-_TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a range, if nothing is known of its slopes
+_CELLS = 64  # per side of (y, ẏ), for the magnitude of a user's regressor in (18)
+_TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # fractions of a range at which f is sampled
 
 
 class Regressor(eqx.Module):
@@ -145,7 +145,7 @@ class Coulomb(Regressor, Nonsmooth):
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         sign = (2 / jnp.pi) * jnp.arctan(self.beta * velocity)
         square, width = velocity**2, self.blend**2
-        # a smaller β would spread the sign too, but its tails reach far beyond the speed asked for
+        # a smaller β would smooth the sign too, but its tails reach far beyond that speed
         return sign * jnp.where(width > 0, square / jnp.where(width > 0, square + width, 1.0), 1.0)
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:

@@ -136,7 +136,7 @@ def _largest_margin(c: Inequalities) -> tuple[Vector, float, float]:
     multipliers = np.maximum(-solution.ineqlin.marginals, 0.0)
     others = -solution.eqlin.marginals
     margin = float(solution.x[n])
-    # the solver meets the equalities to 1e-7; this does to rounding, and moves x by as little
+    # the solver meets the equalities to 1e-7: correct x, so that it meets them to rounding
     x = solution.x[:n] - np.linalg.pinv(E) @ (E @ solution.x[:n] - f)
     terms = np.concatenate([multipliers * b, others * f])
     residual = np.sum(np.abs(A.T @ multipliers + E.T @ others))

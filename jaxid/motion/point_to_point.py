@@ -10,8 +10,8 @@ from jaxid._checks import require
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, uniform
 
-_GENTLE = 0.5  # of speed, acceleration and jerk, chosen: nobody waits for an approach
-_WHOLE = 1e-9  # intervals, by which rounding may miss a whole number of them
+_GENTLE = 0.5  # of the limits of speed, acceleration and jerk
+_WHOLE = 1e-9  # intervals: tolerance for rounding of a whole number of them
 
 
 def approach(limits: Limits, home: float, start: float, period: float) -> JerkTrajectory:

@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxid._types import Scalar
 
-_WHOLE = 1e-6  # of a period: a tick that begins so shortly before the end does not begin at all
+_WHOLE = 1e-6  # of a period: a sample that begins this shortly before the end is not counted
 
 
 class Ticks(eqx.Module):
@@ -63,7 +63,7 @@ class Ticks(eqx.Module):
         if self.repeats == 1:
             return once
         whole = jnp.full(self.repeats * self.most, once[-1])
-        for k in range(self.repeats):  # each overwrites what does not belong to the one before
+        for k in range(self.repeats):  # each overwrites the padding of the one before
             whole = jax.lax.dynamic_update_slice_in_dim(whole, once, k * self.count, 0)
         return whole
 

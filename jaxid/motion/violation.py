@@ -13,7 +13,7 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
-_KEPT = -1.0  # half-widths: of what is no condition, as far from its limit as can be
+_KEPT = -1.0  # half-widths: value of entries that are no condition, i.e. the largest margin
 
 
 def violations(
@@ -117,7 +117,7 @@ def _via_excess(
     parts = [jnp.zeros(0, trajectory.jerk.dtype)]
     for via in boundary.vias:
         state = jnp.stack(trajectory.states(via.at * trajectory.duration[None])).ravel()
-        # equalities are met by construction: what is left of them is rounding
+        # equalities are met by construction, to rounding
         free = via.lower < via.upper
         for side in (state - via.upper, via.lower - state):
             parts.append(jnp.where(free & jnp.isfinite(side), side / scale, _KEPT))

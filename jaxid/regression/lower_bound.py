@@ -28,10 +28,10 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 from jaxid.regression.worst_case import Norm
 
-_TOLERANCE = 1e-4  # relative, between the printed floor and what no proof could exceed
-_ROUNDED = 1e-9  # of a floor: far more than rounding leaves of any sum in it
-_ROUNDS = 40  # of adding states
-_CHUNK = 2048  # cells that are looked at together: one compilation
+_TOLERANCE = 1e-4  # relative, between the proved lower bound and its upper limit
+_ROUNDED = 1e-9  # relative, subtracted from a lower bound: far more than rounding of its sums
+_ROUNDS = 40  # rounds in which states are added
+_CHUNK = 2048  # cells that are evaluated together: one compilation
 _MOST = 200_000  # cells; with more the proof stops at a larger s
 
 Cells = Float[np.ndarray, "cells 4"]
@@ -127,7 +127,7 @@ def _on_states(
         method="highs",
     )
     assert solution.x is not None  # ν = 0 keeps all conditions, and the box is bounded
-    return np.clip(solution.x, -1.0, 1.0) * box  # the solver keeps bounds to a tolerance
+    return np.clip(solution.x, -1.0, 1.0) * box  # the solver keeps bounds only to a tolerance
 
 
 def _excess(
@@ -192,7 +192,7 @@ def _ratio(
     forces = system.force_ranges(position, velocity)
     total = sum((n * f for n, f in zip(nu[1:], forces, strict=True)), start=nu[0] * acceleration)
     ratio = abs(total).upper / system.disturbance_bound.range(position, velocity).lower
-    return jnp.where(jnp.isnan(ratio), jnp.inf, ratio)  # what is unknown is not bounded
+    return jnp.where(jnp.isnan(ratio), jnp.inf, ratio)  # NaN bounds nothing
 
 
 def _halved(cells: Cells, across_y: Bool[np.ndarray, " cells"]) -> Float[np.ndarray, "halves 4"]:

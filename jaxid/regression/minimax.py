@@ -38,8 +38,8 @@ from jaxid.regression.worst_case import Norm, affine_worst_case_error, bias
 
 _GAP = 1e-11  # relative, small enough to stop
 _STEPS = 100  # at most; 5 to 20 are usual
-_ROUNDED = 1e-13  # by which |aᵀz| may be above 1
-_TILT = 1e-12  # of d, so that no entry of x is zero and no step in vain
+_ROUNDED = 1e-13  # tolerance of |aᵀz| ≤ 1
+_TILT = 1e-12  # relative perturbation of d, so that no entry of x is zero (no degenerate step)
 
 
 class Optimum(eqx.Module):
@@ -215,7 +215,7 @@ def _exchange(
 ) -> tuple[Float[Array, " N"], Float[Array, " m"], Int[Array, ""]]:
     """X with A x = d of least ‖x‖₁, and z with ‖Aᵀz‖_∞ = 1 that proves it; A ends with I."""
     m, N = A.shape
-    # one that no data lie in; the tilt is gone in the end
+    # a generic direction; the perturbation shrinks to zero in the end
     direction = jnp.max(jnp.abs(d)) * (1 + (jnp.arange(1.0, m + 1) * jnp.sqrt(5.0)) % 1)
 
     def step(state: _State) -> _State:
@@ -229,7 +229,7 @@ def _exchange(
         reach = z @ A
         entering = jnp.argmax(jnp.abs(reach))
         excess = jnp.abs(reach[entering])
-        missed = jnp.sum(jnp.abs(d - basis @ x))  # by rounding: left to the box
+        missed = jnp.sum(jnp.abs(d - basis @ x))  # rounding, taken by the columns of the box
         primal = state.primal.or_better(_Primal(columns, x, jnp.sum(jnp.abs(x)) + missed))
         dual = state.dual.or_better(_Dual(z / excess, z @ d / excess))
         optimal = excess <= 1 + _ROUNDED

@@ -17,11 +17,11 @@ from jaxid.motion.limits import Limits
 from jaxid.motion.motion_space import MotionSpace
 from jaxid.search.problem import Problem
 
-# dwells per motion, motions per population, and populations per batch
+# constant speeds per motion, motions per population, and populations per batch
 _DWELLS, MEMBERS, _POPULATIONS = 7, 12, 8
 # uniform numbers that a child is made from: drawn together, since every draw costs compilation
 _CHOICES = 8 + _DWELLS
-# corners that evolution does not see: the descent that follows begins with the same
+# smoothing of the objective: the same as at the start of the descent
 _SMOOTHING = 0.003
 
 

@@ -12,8 +12,8 @@ from jaxid._types import Scalar
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.problem import Multipliers, Problem
 
-LAST_SMOOTHING = 0.0003  # of the objective's corners
-_HALVING_SMOOTHING = 0.001  # where unfinished motions are compared
+LAST_SMOOTHING = 0.0003  # of the objective's kinks, in the last stage
+_HALVING_SMOOTHING = 0.001  # of the objective's kinks, where motions are compared between stages
 
 
 @runtime_checkable

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-# Of the objective, one after the other: without the first the programs stall on kinks earlier
-# (0.1 % of the motor's J), and after the second the rounded J is within 0.02 % of the exact one.
+# Smoothing parameters of the objective, in order: without the first, linear programs stall on kinks
+# earlier (0.1 % of the motor's J); with the second, the smoothed J is within 0.02 % of the exact J.
 SMOOTHINGS = (0.0006, 0.0001)
 
 

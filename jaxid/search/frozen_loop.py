@@ -19,8 +19,8 @@ from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import Envelope, Prediction, axis_violations
 
-_GROUPS = 4  # of ticks per interval of the motion, about: the worst of each gives a condition
-_BLEND = 0.02  # of the top speed: friction jumps faster than a step of a search can follow
+_GROUPS = 4  # groups of samples per interval, each with one condition (its largest violation)
+_BLEND = 0.02  # of the velocity limit: smoothing of jumps of friction, for linearisation
 
 
 class FrozenLoop(Prediction):

@@ -17,9 +17,9 @@ from jaxid.motion.motion_space import MotionSpace
 Jerk = Float[np.ndarray, " n"]
 Knots = Float[np.ndarray, " knots"]
 
-# |a|/a_max up to about this counts as dwelling; most intervals moved at once, and moves per start
+# |a|/a_max of a constant speed, about; most intervals moved at once; most moves per start
 _DWELL, _PIECE, _MOVES = 0.05, 6, 3
-# disturbance of a rearranged start, in normalised trajectory
+# random change of a rearranged start, in normalised coordinates
 _SPREAD = 0.1
 
 

@@ -19,7 +19,7 @@ from jaxid.search.problem import Design, Multipliers, Problem, Report
 from jaxid.search.restoration import interior_motion
 from jaxid.search.slp import refined, repaired
 
-_ROUNDED = 1e-9  # of the objective: less is no improvement
+_ROUNDED = 1e-9  # of the objective: smallest improvement
 
 
 def improve(
@@ -60,7 +60,7 @@ def improve(
         report("quasi-Newton steps")
         z = space.coordinates(best.jerk)
         found = space.trajectory(_quasi_newton(_still(problem, best), space, z, effort))
-        if jnp.all(jnp.isfinite(found.jerk)):  # where an objective has no slope the search is lost
+        if jnp.all(jnp.isfinite(found.jerk)):  # NaN if the objective has no gradient
             accept(repaired(problem, deep, found))
     report("linear programs")
     accept(refined(problem, deep, best, effort.programs, effort.smoothings))

@@ -162,7 +162,7 @@ def _best(one: _Pool, other: _Pool) -> _Pool:
 
 
 def _sorted(pool: _Pool) -> _Pool:
-    # a motion that its walk could not make finite must not win by comparing as equal
+    # a motion with a NaN must not be sorted first
     order = jnp.argsort(jnp.nan_to_num(pool.values, nan=jnp.inf))
     return jax.tree.map(lambda x: x[order], pool)
 

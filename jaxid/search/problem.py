@@ -17,7 +17,7 @@ from jaxid.motion.violation import Prediction, axis_violations, violations, wors
 Objective = Callable[[JerkTrajectory, Scalar], Scalar]
 Report = Callable[[str], None]
 Show = Callable[[JerkTrajectory], None]
-_MERIT_PENALTY = 100.0  # as hard as the walls of the last stage of a descent
+_MERIT_PENALTY = 100.0  # that of the last stage of a descent
 Multipliers = tuple[Float[Array, "..."], ...]
 
 

@@ -14,11 +14,11 @@ from jaxid.motion.feasibility import InfeasibleError, interior
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.problem import Problem
 
-# half-widths: whoever recomputes the extrema in another order still finds the limits kept
+# half-widths: limits remain kept if the extrema are computed in another order
 ROUNDING = 1e-14
-_CHORDS, _MOST_CHORDS = 5, 30  # of a step back, each a simulation of the axis
-_CLOSE = 1e-4  # of the room of the motion that is walked back to: no need to come closer to a limit
-_ROOMY = 0.02  # half-widths of every limit: a motion to walk back to needs no more
+_CHORDS, _MOST_CHORDS = 5, 30  # evaluations of a step back, each a simulation of the axis
+_CLOSE = 1e-4  # of the margin of the interior motion: close enough to a limit
+_ROOMY = 0.02  # half-widths: sufficient margin of an interior motion
 
 
 def interior_motion(

@@ -22,12 +22,12 @@ from jaxid.search.frozen_loop import axis_conditions, freeze
 from jaxid.search.problem import Objective, Problem
 from jaxid.search.restoration import ROUNDING, restored, stepped_back
 
-# half-widths that steps leave to the limits of an axis: for the tolerance of the solver, and for
-# what linearised conditions do not see
+# half-widths: margin of a step to the limits of the axis, for the tolerance of the solver and for
+# the error of the linearisation
 _SPARE = 1e-6
-_NEAR = 0.03  # half-widths of a limit
-_CUTS = 8  # rounds of adding broken conditions
-_ROUNDED = 1e-9  # half-widths: what the solver leaves of a condition
+_NEAR = 0.03  # half-widths: conditions nearer than this are imposed first
+_CUTS = 8  # rounds in which violated conditions are added
+_ROUNDED = 1e-9  # half-widths: tolerance of the solver
 _SMALLEST_RADIUS = 1e-6
 
 Vector = Float[np.ndarray, " n"]
@@ -135,7 +135,7 @@ def _solve(
 ) -> Vector:
     low, high = c.jerk / c.unit
     room = np.concatenate([c.upper[up] - here[up], here[down] - c.lower[down]])
-    # what rounding left 1e-17 outside a limit must not make the program infeasible
+    # a violation of 1e-17 by rounding must not make the program infeasible
     room[(room < 0) & (room > -_ROUNDED)] = 0.0
     solution = linprog(
         at.slope,
@@ -191,8 +191,8 @@ def _descend(
             found = stepped_back(problem, inside, found)
         return _point(problem.objective, found, smoothing, planned), found
 
-    # the motion itself is kept beside its numbers: with an encoder the axis does something else for
-    # a jerk that differs in its last bit
+    # the motion is kept beside its variables: with an encoder, a last bit of the jerk changes the
+    # simulation of the axis
     first = _point(problem.objective, start, smoothing, planned), start
     region = TrustRegion(0.01, 1e-8, steps)
     better = improvements(evaluate, lambda at: _around(problem, planned, at), first, region)

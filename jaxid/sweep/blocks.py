@@ -128,7 +128,7 @@ def compute(
             mesh=mesh,
             in_specs=(everywhere, apart),
             out_specs=apart,
-            check_vma=False,  # no device tells another anything: there is nothing to check
+            check_vma=False,  # devices do not communicate: there is nothing to check
         )
     )
     data = jax.tree.map(lambda leaf: _placed(leaf, mesh, everywhere), work.data)
@@ -236,6 +236,6 @@ def _read(folder: Path, number: int) -> tuple[str, Values]:
 def _status(work: Work, folder: Path, number: int) -> int:
     try:
         return _DONE if _read(folder, number)[0] == work.fingerprint else _FOREIGN
-    # no process leaves a torn file, but a power failure can
+    # a power failure can leave an incomplete file
     except (FileNotFoundError, EOFError, ValueError, zipfile.BadZipFile):
         return _MISSING

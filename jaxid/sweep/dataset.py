@@ -15,7 +15,7 @@ from jaxid.sweep.grid import Grid
 LOOP = ("design", "horizon", "gains", "scenario")
 FILTERED = (*LOOP, "bandwidth", "parameter")
 
-# dimensions, what it is, and its unit, of the gains of the controllers that have names for them
+# dimensions, description and unit of the gains, by class of controller
 _GAINS: Mapping[type, Mapping[str, tuple[str | tuple[str, ...], str, str]]] = {
     ARC: {
         "k1": ("gains", "k₁ of (19)", "1/s"),

@@ -165,7 +165,7 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
     disturbance = _entry(scenarios.disturbance, scenario).drawn(key, grid.size, controller.k1_of_p)
     plant = Plant(grid.system, theta, disturbance)
     record, signals = simulate(plant, controller, grid.sensor, desired, grid.period)
-    # all of the record: a loop that diverges after its motion would spoil 0·x of the measure
+    # zero in all columns: if a loop diverges after its motion, 0·inf would be NaN
     record = jax.tree.map(lambda column: jnp.where(running, column, 0.0), record)
     return _identified(grid, record, theta) | _extremes(signals, running)
 
@@ -175,7 +175,7 @@ def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[s
         """By one bandwidth."""
         estimate = least_squares_estimate(filtered(record, w, grid.period), grid.system)
         error = jnp.abs(estimate.theta - theta)
-        # rounding of θ̂ is not a miss
+        # tolerance for rounding of θ̂
         inside = error <= estimate.bound * (1 + 1e-9)
         finite = jnp.isfinite(estimate.bound) & jnp.isfinite(error)
         return {
