@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-SECONDS = 60.0  # longest wait; a folder is written in less than 1 s
+SECONDS = 60.0  # longest wait; writing a folder takes much less
 _PAUSE = 0.01  # s
 _BUSY = (errno.EWOULDBLOCK, errno.EACCES)
 
