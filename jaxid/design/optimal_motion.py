@@ -33,7 +33,7 @@ def optimal_motion(
     report: Report = lambda message: None,
     show: Show = lambda trajectory: None,
 ) -> Design:
-    """Return the motion within the limits that minimises a criterion, as far as the search finds it.
+    """Return the motion within the limits that minimises a criterion, as found by a search.
 
     From a random key, the search starts from many random motions; from a given motion, it improves
     that one. Random motions hardly ever lead to a good `PredictedError`: for it, the best motions

@@ -57,7 +57,7 @@ class ARC(Controller):
     A. V_s = M p²/2 stays below exp(−λt)·V_s(0) + (ε/λ)(1 − exp(−λt)), λ = 2k₂/θ_x2,max (27).
     B. without Δ, e and p converge to zero.
 
-    Sampling weakens both. The input is held, so the loop is only stable while the number (k₂ +
+    Sampling weakens both. The input is held, so the loop is stable only while (k₂ +
     h²/4ε)·period/θ_x2,min stays below about 1; then A was found to hold at the samples (tested, not
     proved). In B, e and p decrease to a small value instead, since the feed-forward lags the
     reference by half a sample period on average; this value decreases with the sample period.
