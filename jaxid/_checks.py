@@ -1,4 +1,4 @@
-"""Refusals, as sentences that name the argument, its value and what would be right."""
+"""Checks of arguments: error messages name the argument, its value and the valid values."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,7 +11,7 @@ from jax.core import Tracer
 
 
 def is_concrete(tree: Any) -> bool:
-    """Whether every leaf of `tree` has a value to look at (none is being traced)."""
+    """Return whether every leaf of `tree` has a value, i.e. is not being traced by JAX."""
     return not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
@@ -22,12 +22,28 @@ def require(condition: Any, sentence: str, error: type[ValueError] = ValueError)
 
 
 def require_positive(name: str, owner: str, value: Any) -> None:
-    """Refuse a number, or an array of them, that is not above zero or not finite."""
+    """Raise a ValueError unless all numbers of an argument are above zero and finite.
+
+    A traced value is not checked.
+
+    Args:
+        name: name of the argument.
+        owner: owner of the argument, with its article, e.g. "a servo".
+        value: number or array.
+    """
     _require_numbers(name, owner, value, "positive", lambda x: x > 0)
 
 
 def require_at_least_zero(name: str, owner: str, value: Any) -> None:
-    """Refuse a number, or an array of them, that is below zero or not finite."""
+    """Raise a ValueError unless all numbers of an argument are zero or above, and finite.
+
+    A traced value is not checked.
+
+    Args:
+        name: name of the argument.
+        owner: owner of the argument, with its article, e.g. "a servo".
+        value: number or array.
+    """
     _require_numbers(name, owner, value, "at least zero", lambda x: x >= 0)
 
 
@@ -36,7 +52,7 @@ def _require_numbers(
 ) -> None:
     if not is_concrete(value):
         return
-    found = np.asarray(value)  # in jax it would be traced with what it belongs to
+    found = np.asarray(value)  # NumPy: a JAX operation would be traced
     require(
         np.all(holds(found) & np.isfinite(found)),
         f"Argument `{name}` of {owner} must be {what} and finite, but is {found.tolist()}.",
@@ -53,7 +69,14 @@ def require_shape(name: str, owner: str, value: Any, shape: tuple[int, ...], ent
 
 
 def require_interval(name: str, interval: Any) -> None:
-    """Refuse an interval that is not finite or whose lower end is not below its upper end."""
+    """Raise a ValueError unless both ends of an interval are finite, the lower below the upper.
+
+    A traced interval is not checked.
+
+    Args:
+        name: name of the argument.
+        interval: lower and upper end.
+    """
     if not is_concrete(interval):
         return
     lower, upper = (float(end) for end in interval)
@@ -69,7 +92,13 @@ def require_interval(name: str, interval: Any) -> None:
 
 
 def require_float64(**arguments: Any) -> None:
-    """Refuse single precision, in which rounding is no longer negligible beside a bound."""
+    """Raise a ValueError unless all floating-point numbers of the arguments are float64.
+
+    In single precision rounding errors are not negligible beside a bound.
+
+    Args:
+        arguments: numbers, arrays or structures of them, by the name of the argument.
+    """
     for name, value in arguments.items():
         for leaf in filter(_is_number, jax.tree.leaves(value)):
             dtype = jnp.result_type(leaf)
@@ -85,7 +114,13 @@ def _is_number(leaf: Any) -> bool:
 
 
 def require_concrete(what: str, instead: str, **arguments: Any) -> None:
-    """Refuse arguments that `jit`, `grad` or `vmap` trace, and say what they can trace."""
+    """Raise a ValueError if JAX traces an argument, by `jit`, `grad` or `vmap`.
+
+    Args:
+        what: what needs the values, for the sentence.
+        instead: a sentence that says what can be traced.
+        arguments: arrays or structures of them, by the name of the argument.
+    """
     for name, value in arguments.items():
         require(
             is_concrete(value),

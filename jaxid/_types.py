@@ -1,4 +1,4 @@
-"""Arrays by what they stand for, and the products of the regression form."""
+"""Types of arrays by their meaning, and products of the regression form."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,12 +17,12 @@ Numbers = Sequence[float | int] | Shaped[Array | np.ndarray, "..."]  # as a user
 
 
 def as_interval(ends: Numbers) -> Array:
-    """A few numbers as one array in the default float type."""
+    """Return a few numbers as one array in the default float type."""
     return _known_or_traced(lambda: jnp.asarray(ends, dtype=float), ends)
 
 
 def as_array(name: str) -> Callable[[Any], Array]:
-    """A converter for the argument `name`: numbers in any form become an array of floats.
+    """Return a converter for the argument `name`: numbers in any form become an array of floats.
 
     A number, nested lists of numbers or an array will do. Floats keep their precision, so that
     single precision is found where it matters.
@@ -48,7 +48,7 @@ def as_array(name: str) -> Callable[[Any], Array]:
 
 
 def as_known(name: str) -> Callable[[Any], float]:
-    """A converter for the argument `name`: a number that is known when a function is traced.
+    """Return a converter for the argument `name`: to a number that no transformation traces.
 
     Raises:
         ValueError: when the converter is called, if the value is traced or is not one number.
@@ -65,7 +65,7 @@ def as_known(name: str) -> Callable[[Any], float]:
 
 
 def _known_or_traced(make: Callable[[], Array], values: Any) -> Array:
-    """Known values make a known array, even in a function that is traced: jax would trace it."""
+    """Return an array that is known if the values are: under `jit`, JAX would trace it."""
     if not is_concrete(values):
         return make()
     with jax.ensure_compile_time_eval():
@@ -73,12 +73,15 @@ def _known_or_traced(make: Callable[[], Array], values: Any) -> Array:
 
 
 def or_none(convert: Callable[[Any], Array]) -> Callable[[Any], Array | None]:
-    """The same converter for an argument that may be left out."""
+    """Return a converter that keeps None and converts everything else."""
     return lambda values: None if values is None else convert(values)
 
 
 def dot(columns: Sequence[Motion], theta: Float[Array, " m"]) -> Motion:
-    """Σ_j columns[j]·θ_j, column by column: scalars stay scalars, so that a scan is one kernel."""
+    """Return Σ_j columns[j]·θ_j, in the shape of a column.
+
+    It is summed column by column: scalars stay scalars, so that a scan is one kernel.
+    """
     total = columns[0] * theta[0]
     for j, column in enumerate(columns[1:], start=1):
         total = total + column * theta[j]

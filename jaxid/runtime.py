@@ -1,4 +1,4 @@
-"""What a program switches on before its first computation; an import changes nothing."""
+"""Settings for the start of a program; an import of the package changes none of them."""
 
 import hashlib
 import os
@@ -18,17 +18,17 @@ from jaxid._checks import require
 _FOLD = "xla_cpu_small_while_loop_byte_threshold"
 _TRIED = ("0.10.2",)
 
-# a year of work with one version leaves about half of it
+# about twice what a year of work with one version adds
 _MOST_COMPILED = 2_000_000_000  # bytes
 
 
 def configure() -> None:
-    """Switch on double precision, folded loops, and a folder that keeps what is compiled.
+    """Switch on double precision, faster loops, and a cache of compiled code.
 
     Call it at the top of a program, before anything is computed, and after the process has been
-    bound to some of the processors, if it is. Loops are folded where the installed jaxlib is known
-    to take the option; `XLA_FLAGS` that already name it are left alone. What one run compiles the
-    next one reads: see `compilation_folder`.
+    bound to some of the processors, if it is. Small loops are compiled to single kernels where the
+    installed jaxlib is known to have the option; `XLA_FLAGS` that already name it are left alone.
+    Compiled code is kept for later runs, see `compilation_folder`.
     """
     jax.config.update("jax_enable_x64", True)
     _keep_compiled()
@@ -43,11 +43,11 @@ def configure() -> None:
 
 
 def compilation_folder() -> Path | None:
-    """Where programs keep what they compile: `jaxid` in the user's cache folder, if it is writable.
+    """Return the folder for compiled code in the user's cache folder; None if it is not writable.
 
-    Compiled code is for one type of processor, and is cut for the threads of one number of them,
-    which JAX does not tell apart: each has a folder inside. Code that was cut for others would be
-    slower, and nothing promises the same last bits.
+    Compiled code is for one type and number of processors, which JAX does not distinguish: each has
+    its own subfolder. Code that was compiled for another one would be slower, and could give other
+    last bits.
 
     `JAX_COMPILATION_CACHE_DIR` names another place.
     """
@@ -62,7 +62,7 @@ def compilation_folder() -> Path | None:
 
 
 def _keep_compiled() -> None:
-    """Everything, however short it compiles: small functions are many."""
+    """Keep all compiled code, however fast it compiles: there are many small functions."""
     if not jax.config.jax_compilation_cache_dir:  # pyright: ignore[reportAttributeAccessIssue]
         folder = compilation_folder()
         if folder is None:
@@ -71,8 +71,8 @@ def _keep_compiled() -> None:
         jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    # JAX writes into place: what another process has not written to its end, or cannot write any
-    # more, is compiled again
+    # JAX does not write entries atomically: an entry that another process has not finished is
+    # compiled again
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry")
 
 
@@ -88,7 +88,7 @@ def _make_room(folder: Path, most: int = _MOST_COMPILED) -> None:
             state = entry.stat()
         except OSError:  # another process has removed it
             continue
-        # many systems note only the first reading of a day
+        # many systems update the access time only once a day
         used = max(state.st_atime, state.st_mtime) if state.st_size else 0.0
         found.append((used, entry.path, state.st_size))
     total = sum(size for _, _, size in found)
@@ -100,7 +100,7 @@ def _make_room(folder: Path, most: int = _MOST_COMPILED) -> None:
 
 
 def _machine() -> str:
-    """Type of the processor and what it can do, and how many of them XLA compiles for."""
+    """Return the type and features of the processor, and the number that XLA compiles for."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []
     told = [line for line in lines if line.startswith(("model name", "flags", "Features"))]
@@ -110,7 +110,7 @@ def _machine() -> str:
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """Return the number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -122,17 +122,20 @@ def connect(
     processes: int | None = None,
     process_id: int | None = None,
 ) -> None:
-    """Several devices on the CPU, and other processes to share the work with.
+    """Set up several devices on the CPU, and other processes to share the work with.
 
-    Call it before anything is computed. A Slurm job step of several tasks is recognised by itself;
-    other processes are told of one another by the last three arguments.
+    Call it before anything is computed. A Slurm job step of several tasks is detected
+    automatically; other processes are connected by the last three arguments.
 
     Args:
-        devices: of this process, and of every other. `jax.devices()` may have one more, which
-            stays idle: see `jaxid.sweep.blocks`.
-        coordinator: host:port of process 0, a free port.
-        processes: how many there are.
-        process_id: which of them this is, from 0.
+        devices: number of devices of this process, and of every other. `jax.devices()` may have one
+            more, which stays idle: see `jaxid.sweep.blocks`.
+        coordinator: address host:port of process 0, with a free port.
+        processes: number of processes.
+        process_id: index of this process, from 0.
+
+    Raises:
+        ValueError: if `devices` is below 1, or only some of the last three arguments are given.
     """
     by_hand = (coordinator, processes, process_id)
     require(devices >= 1, f"Argument `devices` must be at least 1, but is {devices}.")
@@ -145,12 +148,12 @@ def connect(
     jax.config.update("jax_num_cpu_devices", max(devices, 2) if count == 1 else devices)
     if count > 1:
         jax.distributed.initialize(*by_hand)
-        # it takes SIGTERM for a warning, and would go on; there is nothing here to be warned of
+        # JAX treats SIGTERM as a warning and continues; restore the default, which ends the process
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _slurm_tasks() -> int:
-    """Of the job step that this process belongs to: 1 in a batch script, outside `srun`."""
+    """Return the number of tasks of the Slurm job step of this process; 1 outside `srun`."""
     if "SLURM_STEP_NODELIST" not in os.environ:
         return 1
     return int(os.environ.get("SLURM_STEP_NUM_TASKS") or os.environ.get("SLURM_NTASKS", "1"))

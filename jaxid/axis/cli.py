@@ -1,4 +1,4 @@
-"""The `jaxid` command: parse, call the library, print."""
+"""The `jaxid` command: it parses arguments, calls the library and prints results."""
 
 import sys
 from collections.abc import Iterable
@@ -48,14 +48,14 @@ EFFORTS = {"usual": Effort(), "quick": _QUICK}
 def init(
     axis: tyro.conf.Positional[Path], coordinate: Coordinate = "linear", force: bool = False
 ) -> None:
-    """Write a commented example of an axis, to be changed into yours.
+    """Write an example axis file with comments, to be edited.
 
     Example: jaxid init slide.toml
 
     Args:
-        axis: the file to write.
-        coordinate: of the axis.
-        force: replace a file that is there.
+        axis: axis file to write.
+        coordinate: kind of axis: linear (m) or rotary (rad).
+        force: replace an existing file.
     """
     require(force or not axis.exists(), f"{axis} would be replaced: allow it with --force.")
     write_bytes(axis, example(coordinate).encode())
@@ -65,14 +65,14 @@ def init(
 def prior(
     axis: tyro.conf.Positional[Path], log: tyro.conf.Positional[Path], run_python: bool = False
 ) -> None:
-    """Propose intervals of the parameters and δ, from a log of any motion: a jog, a square wave.
+    """Propose prior intervals of the parameters and a disturbance bound δ from a log.
 
-    Example: jaxid prior slide.toml jog.csv
+    Any motion will do, such as a jog. Example: jaxid prior slide.toml jog.csv
 
     Args:
-        axis: the file that describes it; of its intervals and its disturbance nothing is used.
-        log: CSV, MAT or HDF5.
-        run_python: run the module that the file of the axis names.
+        axis: axis file; its prior intervals and its disturbance bound are not used.
+        log: log file: CSV, MAT or HDF5.
+        run_python: run the Python module that the axis file names.
     """
     known = read_axis(axis, run_python=run_python)
     print(propose(known, read_log(log, _columns(axis, known))).text())
@@ -88,23 +88,26 @@ def design(
     force: bool = False,
     run_python: bool = False,
 ) -> None:
-    """Design the motion that an axis is identified by best, for the servo to play.
+    """Design the optimal identification motion of an axis, and export it as set-points.
 
     Example: jaxid design slide.toml --out slide
 
-    What would be gained by a longer one, or for one parameter alone?
+    To compare durations and targets:
     jaxid design slide.toml --out choice --target all M --horizons 0.5 0.6 1.2
 
     Args:
-        axis: the file that describes it.
-        out: the folder for the motion as CSV, MAT and C header, its numbers and a page to look at;
-            of several motions, for a folder each, and a table and a page that compare them.
-        target: the name of one parameter; all, by their floors; or wanted, by what the file wants.
-        horizons: durations in s, in place of the file's.
-        seed: of the search.
-        effort: quick takes a tenth of the time, and is a few per cent worse.
-        force: replace files that are there.
-        run_python: run the module that the file of the axis names.
+        axis: axis file.
+        out: output folder for the motion as CSV, MAT and C header, its predicted errors and a
+            picture; of several motions, for one folder each, with a table and a picture that
+            compare them.
+        target: what to minimise: the error of one parameter, by its name; all: the largest error
+            relative to its lower bound; or wanted: the largest error relative to the accuracies in
+            the table [wanted].
+        horizons: durations of the motions in s, instead of the one in the axis file.
+        seed: seed of the random search.
+        effort: effort of the search; quick takes a tenth of the time, and is a few per cent worse.
+        force: replace existing files.
+        run_python: run the Python module that the axis file names.
     """
     require(target, "Argument `target` must name what to design for, but is empty.")
     known = read_axis(axis, run_python=run_python)
@@ -130,18 +133,18 @@ def simulate(
     force: bool = False,
     run_python: bool = False,
 ) -> None:
-    """Let random axes of the box track a designed motion in closed loop: what will happen?
+    """Simulate the closed loop of random axes from the prior box along a designed motion.
 
     Example: jaxid simulate slide.toml slide
 
     Args:
-        axis: the file that describes it; its table [controller] says what tracks the motion.
-        design: the folder of `jaxid design`, which the results are put into.
-        plants: how many axes.
-        logs: of how many of them what their logs prove is found too.
-        seed: of the axes and of what disturbs them.
-        force: replace files that are there.
-        run_python: run the module that the file of the axis names.
+        axis: axis file; its table [controller] gives the controller.
+        design: folder of `jaxid design`, into which the results are written.
+        plants: number of random axes.
+        logs: number of these axes whose logs are also identified, at most --plants.
+        seed: seed of the random axes and disturbances.
+        force: replace existing files.
+        run_python: run the Python module that the axis file names.
     """
     known = read_axis(axis, run_python=run_python)
     saved = read_design(design, known.system.coordinate)
@@ -162,19 +165,20 @@ def sweep(
     force: bool = False,
     run_python: bool = False,
 ) -> None:
-    """Which filter, which gains, which motion? Closed loops with many of them, as one data set.
+    """Simulate closed loops with many filters, gains and motions, as one data set.
 
-    It goes on where it was stopped. Example: jaxid sweep slide.toml choice
+    An interrupted sweep continues where it stopped. Example: jaxid sweep slide.toml choice
 
     Args:
-        axis: the file that describes it; its table [controller] says what tracks the motions.
-        design: the folder of `jaxid design`, for one motion or for several.
-        bandwidths: of the first-order filter of input and regressors, rad/s.
-        factors: of the feedback gains.
-        plants: random ones of the box, beside its middle, its lowest and its highest θ.
-        seed: of these and of what disturbs them.
-        force: replace files that are there.
-        run_python: run the module that the file of the axis names.
+        axis: axis file; its table [controller] gives the controller.
+        design: folder of `jaxid design`, for one motion or for several.
+        bandwidths: bandwidths of the first-order filter of input and regressors, rad/s.
+        factors: factors of the feedback gains.
+        plants: number of random axes, beside the centre of the prior box, its lowest and its
+            highest θ.
+        seed: seed of the random axes and disturbances.
+        force: replace existing files.
+        run_python: run the Python module that the axis file names.
     """
     connect(processors())
     known = read_axis(axis, run_python=run_python)
@@ -201,16 +205,16 @@ def identify(
     force: bool = False,
     run_python: bool = False,
 ) -> None:
-    """Read a log of an axis: intervals that hold for its parameters, and whether it contradicts δ.
+    """Compute guaranteed parameter intervals from a log, and test whether it is consistent with δ.
 
-    The exit code is 3 if it does. Example: jaxid identify slide.toml run1.csv --out run1
+    The exit code is 3 if it is not. Example: jaxid identify slide.toml run1.csv --out run1
 
     Args:
-        axis: the file that describes it; its table [log] says which column is what.
-        log: CSV, MAT or HDF5, of a motion that was designed or of any other.
-        out: the folder for the result and a picture of what least squares leaves.
-        force: replace files that are there.
-        run_python: run the module that the file of the axis names.
+        axis: axis file; its table [log] names the columns of the log.
+        log: log file of a designed or any other motion: CSV, MAT or HDF5.
+        out: output folder for the result and a picture of the least-squares residual.
+        force: replace existing files.
+        run_python: run the Python module that the axis file names.
     """
     require_writable(out, IdentifyResult.names, replace=force)
     known = read_axis(axis, run_python=run_python)
@@ -223,7 +227,17 @@ def identify(
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """What the command runs; errors are sentences, and their exit code is 1."""
+    """Run the `jaxid` command.
+
+    Errors are printed as sentences. The exit code is 1 for invalid input, 2 for a usage error, 3
+    for an inconsistent log, 130 if the command is interrupted.
+
+    Args:
+        arguments: words of the command line without the program; default those of this process.
+
+    Raises:
+        SystemExit: with the exit code, if the command fails or only prints its help.
+    """
     configure()
     try:
         tyro.extras.subcommand_cli_from_dict(
@@ -254,13 +268,13 @@ def _columns(path: Path, axis: Axis) -> Columns:
 
 
 def _tell_changed(path: Path, designs: Iterable[SavedDesign], axis: Axis) -> None:
-    """Of motions whose numbers are not of this axis."""
+    """Print which motions were designed for another axis file."""
     for folder in of_another_axis(designs, axis):
         print(f"{folder} was designed for another axis file than {path} is now: see design.json.")
 
 
 def _finish(folder: Path, result: Result, replace: bool) -> None:
-    """Write a result and print it, even if it is refused by now: it may have taken long."""
+    """Write a result and print it, even if it cannot be written: it may have taken long."""
     try:
         write(folder, result, replace=replace)
     finally:

@@ -1,4 +1,4 @@
-"""A motion for an axis of a file: designed, appraised, and what the servo plays of it."""
+"""A motion for an axis from a file: design, evaluation, and the approach to its start."""
 
 from typing import NamedTuple
 
@@ -21,21 +21,21 @@ from jaxid.regression.lower_bound import LowerBound, lower_bound
 from jaxid.search.effort import Effort
 from jaxid.search.problem import Report
 
-ALL = "all"  # parameters at once, each error over its floor
-WANTED = "wanted"  # those of the file, each error over what is wanted
-FACTORS = (0.5, 2.0)  # of δ, for which it is shown too what could be guaranteed
+ALL = "all"  # parameters at once, each error relative to its lower bound
+WANTED = "wanted"  # parameters of [wanted], each error relative to its accuracy
+FACTORS = (0.5, 2.0)  # of δ, for which predicted errors are reported too
 
 
 class AxisDesign(NamedTuple):
-    """A motion and what it is worth.
+    """A designed motion of an axis with its evaluation.
 
     Attributes:
-        axis: that it is for.
-        target: the parameter that it is for, `ALL` or `WANTED`.
-        search: its seed and effort, in words.
-        motion: within all limits.
-        worth: of each parameter.
-        sensitivity: what would be guaranteed with `FACTORS` of δ, shape (factors, m).
+        axis: axis that the motion is for.
+        target: name of the parameter that the motion is for, "all" or "wanted".
+        search: seed and effort of the search, in words.
+        motion: motion within all limits, without its approach.
+        worth: evaluation of the motion for each parameter.
+        sensitivity: predicted guaranteed errors with 0.5·δ and 2·δ, shape (2, m).
     """
 
     axis: Axis
@@ -53,19 +53,19 @@ def design_axis(
     effort: Effort = Effort(),
     tell: Report = lambda message: None,
 ) -> AxisDesign:
-    """The motion whose log can be expected to prove most.
+    """Return the motion of least predicted guaranteed error, with its evaluation.
 
     Args:
-        axis: from a file.
-        target: the name of a parameter, `ALL` or `WANTED`; of several the largest error counts,
-            over its floor or over what is wanted.
-        seed: of the search.
-        effort: how long to search.
-        tell: told what goes on.
+        axis: axis from a file.
+        target: name of a parameter, "all" or "wanted". Of several parameters the largest error is
+            minimised, relative to its lower bound or to the required accuracy.
+        seed: seed of the random search.
+        effort: numbers of starts, steps and rounds of the search.
+        tell: function that is called with the name of each step as it begins.
 
     Raises:
         InfeasibleError: if no motion keeps the limits.
-        ValueError: if the target is none, or the axis cannot come to the start of a motion.
+        ValueError: if there is no such target, or the axis cannot approach the start of a motion.
     """
     system, task, servo = axis.system, axis.task, axis.servo
     require_possible(axis, target)
@@ -79,11 +79,16 @@ def design_axis(
 
 
 def require_possible(axis: Axis, target: str) -> None:
-    """Refuse before a search what it would end in.
+    """Raise an error before a search if no motion can be designed.
+
+    Args:
+        axis: axis from a file.
+        target: name of a parameter, "all" or "wanted".
 
     Raises:
         InfeasibleError: if no motion keeps the limits.
-        ValueError: if the target is none, or an approach does not end with a tick of the servo.
+        ValueError: if there is no such target, or the approach does not last a whole number of
+            sample periods.
     """
     task, period = axis.task, axis.servo.period
     if target == WANTED:
@@ -103,14 +108,22 @@ def require_possible(axis: Axis, target: str) -> None:
 
 
 def in_words(seed: int, effort: Effort) -> str:
-    """Of a search, to tell it from others."""
+    """Return seed and effort of a search in words, to distinguish it from others."""
     return f"seed {seed}, {effort}"
 
 
 def appraised(
     axis: Axis, target: str, search: str, motion: JerkTrajectory, least: LowerBound
 ) -> AxisDesign:
-    """A motion with what it is worth, and would be with another δ."""
+    """Return a motion with its evaluation, for δ and for multiples of δ.
+
+    Args:
+        axis: axis from a file.
+        target: target that the motion was designed for.
+        search: seed and effort of the search, in words.
+        motion: motion to evaluate.
+        least: lower bounds of the errors of all parameters.
+    """
     worth = evaluate(axis.system, motion, axis.servo, least)
     systems = [axis.system.with_scaled_disturbance(factor) for factor in FACTORS]
     found = [
@@ -121,19 +134,38 @@ def appraised(
 
 
 def lead_in(axis: Axis, start: Float[Array, "3"]) -> JerkTrajectory:
-    """From home to the start of a motion, and the rest there; of no interval if it is at home."""
+    """Return the approach from home to the start of a motion, and the rest there.
+
+    It has no intervals if the motion starts at home without waiting.
+
+    Args:
+        axis: axis from a file.
+        start: start state [y, ẏ, ÿ] of the motion, SI units.
+
+    Raises:
+        ValueError: if home or the start is outside the position limits.
+    """
     position, period = float(start[0]), axis.task.period
     move = approach(axis.task.limits, axis.home, position, period)
     return joined(move, wait(position, axis.waiting, period))
 
 
 def played(axis: Axis, motion: JerkTrajectory) -> JerkTrajectory:
-    """All that the servo plays: from home to the start of the motion, rest, and the motion."""
+    """Return the whole motion of the servo: approach from home, rest, and the designed motion.
+
+    Args:
+        axis: axis from a file.
+        motion: designed motion.
+
+    Raises:
+        ValueError: if home or the start is outside the position limits, or the motion does not
+            start at rest.
+    """
     return joined(lead_in(axis, motion.start), motion)
 
 
 def _targets(axis: Axis, target: str, least: LowerBound) -> Float[Array, " m"]:
-    """What each error is compared with; inf leaves a parameter out."""
+    """Return the number that each error is divided by; inf leaves a parameter out."""
     if target == ALL:
         return least.value
     if target == WANTED:

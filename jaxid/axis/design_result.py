@@ -1,4 +1,4 @@
-"""What is written and said of a designed motion: for the servo, for other programs, for people."""
+"""The files and the text of a designed motion: set-points, JSON, picture, table."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,15 +22,15 @@ from jaxid.io.setpoints import margins, sampled, setpoint_bytes, setpoints_in
 
 _SETPOINTS = tuple(Path(name) for name in ("setpoints.csv", "setpoints.mat", "setpoints.h"))
 _TITLES = {ALL: "all parameters", WANTED: "the errors that are wanted"}
-_ROUNDED = 1e-6  # half-widths: what differences of rounded positions may be beyond
+_ROUNDED = 1e-6  # half-widths: tolerance for differences of rounded positions
 
 
 @dataclass(frozen=True, eq=False)
 class DesignResult(Result):
-    """A designed motion, as files for a servo and for other programs, and as text.
+    """The result of `jaxid design` for one motion, as files and as text.
 
     Attributes:
-        found: the design.
+        found: design.
     """
 
     found: AxisDesign
@@ -41,21 +41,24 @@ class DesignResult(Result):
 
     @property
     def axis(self) -> Axis:
+        """The axis that the motion was designed for."""
         return self.found.axis
 
     @cached_property
     def setpoints(self) -> Mapping[Path, bytes]:
-        """The files that servos read."""
+        """The content of the set-point files (CSV, MAT, C header), by path."""
         axis = self.found.axis
         points = sampled(played(axis, self.found.motion), axis.servo.period)
         return {path: setpoint_bytes(path, points, axis.system.coordinate) for path in _SETPOINTS}
 
     @cached_property
     def margins(self) -> Mapping[str, float]:
-        """What the exported positions, read back, leave of each limit, in half-widths.
+        """The smallest margin of the exported positions to each limit, in half-widths of the limit.
+
+        The positions are read back from the exported CSV file.
 
         Raises:
-            ValueError: if they leave less than nothing.
+            ValueError: if a margin is below −1e-6.
         """
         axis, path = self.found.axis, _SETPOINTS[0]
         read = setpoints_in(self.setpoints[path], path, axis.system.coordinate)
@@ -67,6 +70,7 @@ class DesignResult(Result):
         return left
 
     def summary(self) -> DesignSummary:
+        """Return the content of `design.json`."""
         found = self.found
         axis, system, motion = found.axis, found.axis.system, found.motion
         begins = float(lead_in(axis, motion.start).duration)
@@ -84,6 +88,7 @@ class DesignResult(Result):
         )
 
     def files(self) -> Mapping[str, bytes]:
+        """Return the content of the trajectory, set-point, JSON and PNG files, by name."""
         found = self.found
         return {
             "trajectory.csv": trajectory_bytes(found.motion, found.axis.system.coordinate),
@@ -93,6 +98,7 @@ class DesignResult(Result):
         }
 
     def text(self) -> str:
+        """Return the result as text: predicted errors of each parameter, margins to the limits."""
         found = self.found
         system, worth, wanted = found.axis.system, found.worth, found.axis.wanted.tolist()
         header = ["parameter", "unit", *worth.by_parameter[0]._fields, "with 2·δ"]
@@ -125,7 +131,7 @@ def _parameter(found: AxisDesign, k: int) -> DesignedParameter:
 
 
 def page(found: AxisDesign) -> bytes:
-    """What is played within its limits, and what the log of the motion can be expected to leave."""
+    """Return a picture of the motion with its limits, and of its predicted errors, as PNG."""
     axis, worth = found.axis, found.worth
     canvas, panels = plots.figure(2, 2, (11.0, 7.0))
     title = f"motion for {_TITLES.get(found.target, found.target)}"

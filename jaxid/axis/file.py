@@ -1,6 +1,6 @@
-"""An axis in a TOML file: what an engineer knows of hers.
+"""An axis in a TOML file.
 
-The file is data. It never runs code, whatever is in it, unless who reads it allows that.
+The file is data. Reading it never runs code, unless the caller permits it.
 """
 
 import hashlib
@@ -28,25 +28,28 @@ from jaxid.model.system import System
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import uniform
 
-PROGRAM = f"jaxid {version('jaxid')}"  # that wrote a result
+PROGRAM = f"jaxid {version('jaxid')}"  # program that writes results
 
 
 class Axis(NamedTuple):
-    """What a file says.
+    """The content of an axis file: model, limits, motion, servo, log columns and controller.
 
     Attributes:
-        system: in the unit of its input.
-        task: its limits in that unit too.
-        servo: its sample period, encoder and delay.
-        gain: unit of the input per unit of what is commanded.
-        velocity_error: of the axis near a jump of δ, m/s or rad/s, that a design allows for.
-        columns: of its logs, if the file says; the input converted by the gain.
-        controller: that tracks a motion, if the file says; in the unit of the input.
-        wanted: how small the errors of the parameters should be, in their units; inf where the
-            file does not say.
-        home: where it rests before it is moved to the start of a motion, m or rad.
-        waiting: knot periods of rest at that start.
-        digest: SHA-256 of the file, and of the module that it names.
+        system: model of the axis, with prior box and disturbance bound, in the unit of its input.
+        task: limits, boundary and duration of the motions, with input limits in the same unit.
+        servo: sample period, encoder resolution and delay of the servo.
+        gain: unit of the input per unit of the command.
+        velocity_error: velocity error of the axis near a jump of δ that a design allows for, m/s or
+            rad/s.
+        columns: columns of its logs, with the input converted by the gain; None if the file has no
+            table [log].
+        controller: controller that tracks a motion, in the unit of the input; None if the file has
+            no table [controller].
+        wanted: required accuracy of each parameter, shape (m,), in their units; inf where the file
+            requires none.
+        home: position at rest before the approach to the start of a motion, m or rad.
+        waiting: number of knot periods of rest at that start.
+        digest: SHA-256 of the file, and of the Python module that it names.
     """
 
     system: System
@@ -63,17 +66,21 @@ class Axis(NamedTuple):
 
     @property
     def tracking_controller(self) -> Controller:
-        """What tracks a motion.
+        """The controller that tracks a motion.
 
         Raises:
-            ValueError: if the file has no controller.
+            ValueError: if the file has no table [controller].
         """
         if self.controller is None:
             raise ValueError("Argument `axis` must have a table [controller] to track a motion.")
         return self.controller
 
     def lasting(self, duration: float) -> "Axis":
-        """The same axis with motions of another duration, s."""
+        """Return the same axis with motions of another duration, in s.
+
+        Raises:
+            ValueError: if the duration is not a whole number of knot periods and of sample periods.
+        """
         period = self.task.period
         axis = self._replace(task=self.task._replace(intervals=whole(duration, period, "a motion")))
         _require_logs(axis.task, axis.servo)
@@ -81,14 +88,14 @@ class Axis(NamedTuple):
 
 
 def read_axis(path: Path, *, run_python: bool = False) -> Axis:
-    """The axis in a file.
+    """Return the axis that a TOML file describes.
 
     Args:
-        path: of the file.
+        path: axis file.
         run_python: run the module that its entry `python` names, if it has one.
 
     Raises:
-        ValueError: if the file is not one, in a sentence that names it and the entry.
+        ValueError: if the file is invalid; the message names the file and the entry.
     """
     data = path.read_bytes()
     try:
@@ -100,7 +107,11 @@ def read_axis(path: Path, *, run_python: bool = False) -> Axis:
 
 
 def example(coordinate: Coordinate) -> str:
-    """A file to begin with, its entries explained."""
+    """Return the text of an example axis file, with comments.
+
+    Args:
+        coordinate: "linear" (m) or "rotary" (rad).
+    """
     return (resources.files("jaxid.axis") / "templates" / f"{coordinate}.toml").read_text()
 
 
@@ -126,7 +137,7 @@ def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
 
 
 def _require_logs(task: Task, servo: Servo) -> None:
-    """Refuse a servo that no log of a motion can be kept with."""
+    """Raise an error if the servo cannot record a log of the motion."""
     at_rest = uniform(task.boundary.start, jnp.zeros(task.intervals), task.period)
     servo.ticks(at_rest)
 
@@ -150,7 +161,7 @@ def _system(tables: AxisTables, path: Path, run_python: bool) -> System:
 
 
 def _code(tables: AxisTables, path: Path) -> bytes:
-    """Of the module that a file names."""
+    """Return the bytes of the module that a file names."""
     if tables.python is None:
         return b""
     return (path.parent / f"{tables.python.partition(':')[0]}.py").read_bytes()
@@ -186,7 +197,7 @@ def _named(name: str, folder: Path) -> System:
         raise ValueError(
             f"`python` must name a jaxid.System, but {name} is a {type(system).__name__}."
         )
-    with _sentences(path):  # functions of its own must take arrays, whose values are not known yet
+    with _sentences(path):  # user functions must accept traced arrays
         jax.eval_shape(system.regressors, *jnp.zeros((3, 2)))
         jax.eval_shape(system.disturbance_bound, *jnp.zeros((2, 2)))
     return system
@@ -194,7 +205,7 @@ def _named(name: str, folder: Path) -> System:
 
 @contextmanager
 def _sentences(path: Path) -> Iterator[None]:
-    """What somebody's code raises, with the last line of it that ran."""
+    """Turn an exception of the user's code into one that names the last line that ran."""
     try:
         yield
     except (Exception, SystemExit) as error:

@@ -1,4 +1,4 @@
-"""From a recorded log of an axis of a file to intervals, and to whether the log belongs to it."""
+"""From a recorded log of an axis to guaranteed intervals, or to its inconsistency."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,20 +26,20 @@ from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 
-_SHOWN = 10  # pieces that are named
-_ABSURD = 20.0  # times a limit's half-width, which no stop, amplifier or clock would let pass
+_SHOWN = 10  # segments that are listed
+_ABSURD = 20.0  # half-widths of a limit: beyond it, a unit must be wrong
 
 
 class Identified(NamedTuple):
-    """What a log says of an axis.
+    """The identification of an axis from a recorded log.
 
     Attributes:
-        axis: of the file.
-        recorded: the log.
-        pieces: of it, which were used.
-        result: guaranteed intervals from all of them, if they are consistent with the axis.
-        inconsistency: what contradicts the axis, if they are not.
-        fit: least squares, if the log tells all parameters apart.
+        axis: axis from a file.
+        recorded: rows of the log file.
+        pieces: segments of the log that were used.
+        result: guaranteed intervals; None if the log is inconsistent with the axis.
+        inconsistency: inconsistency of the log; None if there is none.
+        fit: least-squares fit; None if the log does not identify all parameters separately.
     """
 
     axis: Axis
@@ -53,15 +53,16 @@ class Identified(NamedTuple):
 def identify_axis(
     axis: Axis, recorded: Recorded, tell: Callable[[str], None] = lambda message: None
 ) -> Identified:
-    """Read a log piece by piece, and what all pieces prove together.
+    """Identify an axis from a recorded log: guaranteed intervals, or the inconsistency of the log.
 
     Args:
-        axis: from a file.
-        recorded: a log, of a motion that was designed or of any other.
-        tell: told what goes on.
+        axis: axis from a file.
+        recorded: rows of a log file, of a designed or any other motion.
+        tell: function that is called with the name of each step as it begins.
 
     Raises:
-        ValueError: if it cannot be a log of this axis, its rows or its units.
+        ValueError: if position or input are far outside the limits of the axis, or the rows are not
+            a sample period apart.
     """
     _require_plausible(recorded, axis.task.limits, axis.system)
     servo, system = axis.servo, axis.system
@@ -79,7 +80,7 @@ def identify_axis(
 def _fit_if_possible(system: System, logs: Sequence[Log]) -> LeastSquaresFit | None:
     try:
         return fit_least_squares(system, logs)
-    except ValueError:  # a bound needs no θ that is the only one to fit
+    except ValueError:  # guaranteed intervals do not need a unique fit
         return None
 
 
@@ -104,11 +105,11 @@ def _require_plausible(recorded: Recorded, limits: Limits, system: System) -> No
 
 @dataclass(frozen=True, eq=False)
 class IdentifyResult(Result):
-    """What a log proves, as files and as text.
+    """The result of `jaxid identify`, as files and as text.
 
     Attributes:
-        found: what a log says.
-        log_sha256: of the file that holds the log.
+        found: identification of the axis.
+        log_sha256: SHA-256 of the log file.
     """
 
     found: Identified
@@ -118,24 +119,29 @@ class IdentifyResult(Result):
 
     @property
     def axis(self) -> Axis:
+        """The axis that was identified."""
         return self.found.axis
 
     @property
     def sources(self) -> dict[str, str]:
+        """The SHA-256 of the axis file and of the log file."""
         return super().sources | {"log": self.log_sha256}
 
     def summary(self) -> IdentificationSummary:
+        """Return the content of `result.json`."""
         return summary(self.found)
 
     def files(self) -> Mapping[str, bytes]:
+        """Return the content of `result.json` and `residuals.png`, by name."""
         return {"result.json": json_bytes(self.summary()), "residuals.png": page(self.found)}
 
     def text(self) -> str:
+        """Return the result as text: intervals or the inconsistency, and the assumptions."""
         return text(self.found)
 
 
 def summary(found: Identified) -> IdentificationSummary:
-    """For other programs: intervals, or how large δ would have to be, and what all rests on."""
+    """Return the content of `result.json`: intervals or the inconsistency, and the assumptions."""
     axis, system, result = found.axis, found.axis.system, found.result
     logs = [piece.log for piece in found.pieces]
     return IdentificationSummary(
@@ -166,7 +172,7 @@ def summary(found: Identified) -> IdentificationSummary:
 
 
 def _factor(found: Identified) -> float | None:
-    """A proved lower bound on the multiple of δ that the log needs; None where there is none."""
+    """Return a proved lower bound on the factor of δ that the log needs; None without a proof."""
     if found.result is None:
         return None if found.inconsistency is None else found.inconsistency.factor
     return found.result.disturbance_factor if found.result.disturbance_factor > LEAST else None
@@ -193,7 +199,7 @@ def _parameter(found: Identified, k: int) -> IdentifiedParameter:
 
 
 def text(found: Identified) -> str:
-    """For people."""
+    """Return an identification as text: intervals or the inconsistency, and the assumptions."""
     return "\n".join(
         (
             _rows_used(found),
@@ -250,7 +256,10 @@ def _exchange(found: Identified, combination: np.ndarray) -> str:
 
 
 def page(found: Identified) -> bytes:
-    """What least squares leaves of the input by time, position and velocity, beside ±δ."""
+    """Return a picture of the least-squares residual over time, velocity and position, as PNG.
+
+    The bounds ±δ are drawn beside it.
+    """
     system = found.axis.system
     rest = found.fit or LeastSquaresFit(*np.zeros((6, 0)))
     unit = UNITS[system.coordinate]

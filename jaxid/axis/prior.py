@@ -1,8 +1,8 @@
-"""A first Ω_θ and δ from a log of any motion that a servo makes anyway: Remark 1 of the paper.
+"""A first prior box Ω_θ and δ from a log of any motion, such as a jog: Remark 1 of the paper.
 
 "Ω_θ can be obtained by some simple identification methods which may not be very accurate … can be
-very conservative." It is a proposal by a rule, and no guarantee: only who knows the axis can say
-that nothing is outside of it.
+very conservative." The proposal follows a rule and is no guarantee: only a user who knows the axis
+can judge whether larger values occur.
 """
 
 from typing import NamedTuple
@@ -24,10 +24,10 @@ from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.regressors import Coulomb, OneWay, Sign, Viscous
 from jaxid.model.system import System, Term
 
-_SHARE = 0.5  # of the estimate
-_LEAST_INERTIA = 0.1  # of the estimate: it must stay above zero
+_SHARE = 0.5  # half-width of an interval, relative to the estimate
+_LEAST_INERTIA = 0.1  # lower end of its interval, relative to the estimate
 MARGIN = 1.25
-_KNOTS = 6000  # of all rows together: fewer would let a smaller δ seem enough
+_KNOTS = 6000  # of all logs together: with fewer, δ is underestimated
 RULE = (
     f"Each interval is the least-squares estimate, plus and minus {_SHARE:.0%} of it, or what a "
     "disturbance as large as the largest rest of the fit can shift it by, if that is more; inertia "
@@ -38,14 +38,14 @@ RULE = (
 
 
 class Proposal(NamedTuple):
-    """By the rule.
+    """A proposed prior box and disturbance bound δ, by the rule `RULE`.
 
     Attributes:
-        axis: that it is for.
-        theta: of least squares, shape (m,).
-        lower: of the box, shape (m,).
-        upper: shape (m,).
-        delta: in the unit of the input.
+        axis: axis that the proposal is for.
+        theta: least-squares estimate, shape (m,), in the units of the parameters.
+        lower: lower ends of the proposed box, shape (m,), in the units of the parameters.
+        upper: upper ends of the proposed box, shape (m,), in the units of the parameters.
+        delta: proposed constant δ, in the unit of the input.
     """
 
     axis: Axis
@@ -55,7 +55,7 @@ class Proposal(NamedTuple):
     delta: float
 
     def text(self) -> str:
-        """For people, with the rule."""
+        """Return the proposal as text: a table of intervals, δ, and the rule."""
         system = self.axis.system
         numbers = (x.tolist() for x in (self.theta, self.lower, self.upper))
         rows = list(zip(system.names, system.units, *numbers, strict=True))
@@ -70,15 +70,17 @@ class Proposal(NamedTuple):
 
 
 def propose(axis: Axis, recorded: Recorded) -> Proposal:
-    """A box and δ for the terms of an axis, whatever its file says of both.
+    """Propose a prior box and δ for the terms of an axis, from a log.
+
+    The prior box and the δ of the axis file are not used.
 
     Args:
-        axis: from a file.
-        recorded: of any motion that tells its parameters apart.
+        axis: axis from a file.
+        recorded: log of any motion that identifies its parameters separately.
 
     Raises:
-        ValueError: if the log does not tell the parameters apart, or what it tells of an inertia
-            or a friction is below zero, or no δ explains it.
+        ValueError: if the log does not identify the parameters separately, its estimate of an
+            inertia or a friction is below zero, or no δ explains it.
     """
     servo, system = axis.servo, axis.system
     pieces = steady_segments(recorded, servo.period, servo.resolution, axis.servo.delay)
@@ -105,7 +107,7 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
 
 
 def _least(term: Term, k: int, estimate: float) -> float:
-    """What no interval goes below."""
+    """Return the lower limit of a proposed interval."""
     regressor = term.regressor
     if isinstance(regressor, OneWay):
         regressor = regressor.regressor
@@ -115,7 +117,7 @@ def _least(term: Term, k: int, estimate: float) -> float:
 
 
 def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) -> float:
-    """The smallest constant δ that explains the logs."""
+    """Return the smallest constant δ that may explain the logs."""
     level = float(np.sqrt(np.mean(rest**2))) or 1.0
     unit = system.with_disturbance_bound(ConstantBound(level))
     factor = smallest_disturbance_factor(unit, logs, knots_by_length(_KNOTS, logs))

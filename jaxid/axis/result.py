@@ -1,4 +1,4 @@
-"""The one shape of what the commands find, and the one way that it is written."""
+"""The common form of the results of all commands, and the function that writes them."""
 
 import shlex
 import sys
@@ -13,11 +13,11 @@ from jaxid.io.results import write_result
 
 
 class Result(ABC):
-    """What one run of a command found.
+    """Base class of the results of one run of a command.
 
     Attributes:
-        name: of the command, and of its part of the manifest.
-        names: of the files.
+        name: name of the command, and of its part of the manifest.
+        names: names of the files.
     """
 
     name: ClassVar[str]
@@ -26,44 +26,45 @@ class Result(ABC):
     @property
     @abstractmethod
     def axis(self) -> Axis:
-        """That it was found of."""
+        """The axis that the result is for."""
 
     @property
     def sources(self) -> dict[str, str]:
-        """SHA-256 of the files that it was found from: axis, log."""
+        """The SHA-256 of the files that the result was made from, by kind: axis, log."""
         return {"axis": self.axis.digest}
 
     @property
     def results(self) -> dict[str, str]:
-        """Digests of the results that it rests on, by where they are: design, all_0.6s/design."""
+        """The digests of the results that this one was made from, by place (all_0.6s/design)."""
         return {}
 
     @abstractmethod
     def summary(self) -> object:
-        """For other programs: a structure of `jaxid.axis.summaries`, or rows."""
+        """Return the result for other programs: a structure of `jaxid.axis.summaries`, or rows."""
 
     @abstractmethod
     def files(self) -> Mapping[str, bytes]:
-        """What is written, by name."""
+        """Return the content of the files to write, by name."""
 
     @abstractmethod
     def text(self) -> str:
-        """For people."""
+        """Return the result as text for the terminal."""
 
 
 def write(folder: Path, result: Result, *, replace: bool = False) -> Part:
-    """Write all files of a result into a folder, with a manifest; or, if that fails, none.
+    """Write all files of a result into a folder, with a manifest; if that fails, none.
 
     Args:
-        folder: to write into; what else it holds stays (`jaxid.io.results`).
-        result: of a command.
-        replace: files that are there.
+        folder: folder to write into; its other files are kept (`jaxid.io.results`).
+        result: result of a command.
+        replace: whether existing files may be replaced.
 
     Returns:
-        What the manifest says of it.
+        The record of this run in the manifest.
 
     Raises:
-        ValueError: if something would be replaced that must not be.
+        ValueError: if existing files would be replaced without `replace`.
+        TimeoutError: if another process writes to the folder for more than 60 s.
         OSError: if the disk refuses.
     """
     command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

@@ -1,4 +1,4 @@
-"""Designs in folders, read back: only if every file is the one that was written."""
+"""Designs in folders, read back: only if no file was changed since it was written."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -17,13 +17,13 @@ from jaxid.motion.trajectory import JerkTrajectory
 
 
 class SavedDesign(NamedTuple):
-    """A design that `jaxid design` wrote.
+    """A design that `jaxid design` wrote, read back.
 
     Attributes:
-        folder: that it is in.
-        part: what the manifest of the folder says of it.
-        summary: its `design.json`.
-        motion: its `trajectory.csv`.
+        folder: folder of the design.
+        part: record of its run in the manifest of the folder.
+        summary: content of its `design.json`.
+        motion: motion in its `trajectory.csv`.
     """
 
     folder: Path
@@ -33,11 +33,11 @@ class SavedDesign(NamedTuple):
 
 
 class SavedDesigns(NamedTuple):
-    """All designs in a folder.
+    """All designs in a folder, read back.
 
     Attributes:
-        folder: that they are in.
-        designs: by where they are in it: design, or all_0.6s/design.
+        folder: folder of the designs.
+        designs: designs by their places in the folder: design, or all_0.6s/design.
     """
 
     folder: Path
@@ -45,14 +45,14 @@ class SavedDesigns(NamedTuple):
 
 
 def read_design(folder: Path, coordinate: str) -> SavedDesign:
-    """The design in a folder.
+    """Return the design in a folder.
 
     Args:
-        folder: that `jaxid design` wrote.
-        coordinate: linear or rotary.
+        folder: folder that `jaxid design` wrote.
+        coordinate: "linear" (m) or "rotary" (rad).
 
     Raises:
-        ValueError: if it is none, or one of its files was changed.
+        ValueError: if the folder holds no design, or one of its files was changed.
     """
     part, files = read_result(folder, DesignResult.name)
     try:
@@ -67,14 +67,14 @@ def read_design(folder: Path, coordinate: str) -> SavedDesign:
 
 
 def designs_in(folder: Path, coordinate: str) -> SavedDesigns:
-    """The design in a folder, and those in the folders in it.
+    """Return the designs in a folder and in its subfolders.
 
     Args:
-        folder: that `jaxid design` wrote, for one motion or for several.
-        coordinate: linear or rotary.
+        folder: folder that `jaxid design` wrote, for one motion or for several.
+        coordinate: "linear" (m) or "rotary" (rad).
 
     Raises:
-        ValueError: if there is none, or one that is not as it was written.
+        ValueError: if there is none, or a file of one was changed.
     """
     below = sorted(path for path in folder.glob("*") if not path.name.startswith("."))
     found = {
@@ -87,7 +87,12 @@ def designs_in(folder: Path, coordinate: str) -> SavedDesigns:
 
 
 def of_another_axis(designs: Iterable[SavedDesign], axis: Axis) -> tuple[Path, ...]:
-    """Folders of those that were designed for another axis file, or for what this one was."""
+    """Return the folders of designs whose axis file was another one, or has changed since.
+
+    Args:
+        designs: designs that were read back.
+        axis: axis from the present axis file.
+    """
     return tuple(one.folder for one in designs if one.part.sources.get("axis") != axis.digest)
 
 

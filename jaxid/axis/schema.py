@@ -1,4 +1,4 @@
-"""The tables of an axis file, each checked entry by entry, and what they stand for."""
+"""The tables of an axis file, with the check of every entry."""
 
 import math
 from collections.abc import Mapping
@@ -25,7 +25,10 @@ Direction = Literal["both", "forward", "backward"]
 
 
 class Table(msgspec.Struct, forbid_unknown_fields=True):
-    """Of a file; a misspelt entry is an error, and so is a number that is not finite."""
+    """Base class of the tables of an axis file.
+
+    Unknown entries and numbers that are not finite raise an error.
+    """
 
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:
@@ -37,7 +40,13 @@ class Table(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Kind(Table, tag_field="kind"):
-    """A parameter, and what multiplies it."""
+    """Base class of the entries of [[terms]]: a parameter, and the regressor that it multiplies.
+
+    Attributes:
+        name: name of the parameter, which must be usable as the name of a folder.
+        unit: unit of the parameter.
+        interval: prior interval (lower, upper) of the parameter, in `unit`.
+    """
 
     name: str
     unit: str
@@ -51,9 +60,11 @@ class Kind(Table, tag_field="kind"):
             )
 
     def regressor(self) -> Regressor | None:
+        """Return the regressor of the term; None for the inertia."""
         raise NotImplementedError
 
     def term(self) -> Term:
+        """Return the entry as a term of a `System`."""
         return Term(self.name, self.unit, self.interval, self.regressor())
 
 
@@ -99,7 +110,7 @@ class _Cogging(Kind, tag="cogging", kw_only=True):
 
 
 class _Friction(Kind, kw_only=True):
-    """Of velocity, in both directions or in one."""
+    """Friction, a function of velocity, in both directions or in one."""
 
     direction: Direction = "both"
 
@@ -142,7 +153,7 @@ class _Input(Table):
             raise ValueError(f"`delay` must be 0 or more, but is {self.delay}")
 
     def pushed(self, commanded: Pair) -> Pair:
-        """An interval of what is commanded, in the unit of the input."""
+        """Return an interval of commands in the unit of the input."""
         low, high = sorted(self.gain * end for end in commanded)
         return low, high
 
@@ -175,7 +186,7 @@ class _Limits(Table):
     input_rate: Pair | None = None
 
     def of(self, system: System, input: _Input) -> Limits:
-        """In the unit of the input."""
+        """Return the limits in the unit of the input."""
         rate = None if self.input_rate is None else input.pushed(self.input_rate)
         box = {"position": self.position, "velocity": self.velocity}
         pushed = input.pushed(self.input)
@@ -188,7 +199,7 @@ class _Limits(Table):
 
 
 class _Log(Table):
-    """Units are names, or numbers: SI units per unit of the column."""
+    """The columns of a log; units are names, or numbers: SI units per unit of the column."""
 
     position: Column
     input: Column
@@ -198,7 +209,7 @@ class _Log(Table):
     input_unit: float = 1.0
 
     def columns(self, coordinate: Coordinate, gain: float) -> Columns:
-        """With the input in the unit of the axis."""
+        """Return the columns, with the input in the unit of the axis."""
         lengths = _LENGTHS if coordinate == "linear" else _ANGLES
         position = _unit("position_unit", self.position_unit, lengths)
         time = _unit("time_unit", self.time_unit, _TIMES)
@@ -214,7 +225,7 @@ def _unit(name: str, unit: str | float, named: Mapping[str, float]) -> float:
 
 
 class _Law(Table, tag_field="kind"):
-    """Its gains are in the unit in which the terms push."""
+    """A controller, with gains in the unit of the input."""
 
     def controller(self, system: System) -> Controller:
         raise NotImplementedError
@@ -264,28 +275,33 @@ class _Motion(Table):
 
     @property
     def intervals(self) -> int:
-        """Of constant jerk."""
+        """The number of intervals of constant jerk."""
         return whole(self.duration, self.knot_period, "the duration")
 
     @property
     def waiting(self) -> int:
-        """Intervals between the approach and the motion."""
+        """The number of intervals between the approach and the motion."""
         if self.settle < 0:
             raise ValueError(f"`settle` must be 0 s or more, but is {self.settle:g} s")
         return whole(self.settle, self.knot_period, "`settle`") if self.settle else 0
 
     def boundary(self) -> Boundary:
-        """From rest to rest, which may be anywhere."""
+        """Return the boundary from rest to rest; without `end`, at any position."""
         low, high = (-math.inf, math.inf) if self.end is None else (self.end, self.end)
         rest = Via(1.0, (low, 0.0, 0.0), (high, 0.0, 0.0))
         return Boundary((self.start, 0.0, 0.0), (*(via.via() for via in self.via), rest))
 
 
 def whole(time: float, period: float, name: str) -> int:
-    """How many knot periods a time lasts.
+    """Return the number of knot periods in a time.
+
+    Args:
+        time: time, s.
+        period: knot period, s.
+        name: name of the time, for the error message.
 
     Raises:
-        ValueError: if these are not a whole number, one or more.
+        ValueError: if it is not a whole number, one or more.
     """
     count = time / period if period > 0 else 0.0
     if count < 1 or abs(count - round(count)) > 1e-6:
@@ -294,7 +310,21 @@ def whole(time: float, period: float, name: str) -> int:
 
 
 class AxisTables(Table, kw_only=True):
-    """A whole file."""
+    """The tables and entries of a whole axis file.
+
+    Attributes:
+        coordinate: "linear" (m) or "rotary" (rad).
+        input: table [input]: unit, gain and delay.
+        servo: table [servo]: sample period, encoder resolution and velocity error.
+        limits: table [limits].
+        motion: table [motion]: start, end, via points and duration.
+        terms: entries of [[terms]]; empty if the model is given by `python`.
+        disturbance: table [disturbance]; None if the model is given by `python`.
+        python: name module:object of a system in Python, or None.
+        wanted: required accuracy of parameters, by name, in their units.
+        log: table [log], the columns of a log, or None.
+        controller: table [controller], or None.
+    """
 
     coordinate: Coordinate
     input: _Input
@@ -320,13 +350,17 @@ class AxisTables(Table, kw_only=True):
             )
 
     def system(self) -> System:
-        """Of the built-in terms."""
+        """Return the system of the built-in terms and disturbance bound."""
         assert self.disturbance is not None
         terms = tuple(kind.term() for kind in self.terms)
         return System(terms, self.disturbance.bound(), self.input.unit, self.coordinate)
 
     def targets(self, system: System) -> Float[Array, " m"]:
-        """The errors that are wanted; inf where none is."""
+        """Return the required accuracy of each parameter, shape (m,); inf where none is required.
+
+        Raises:
+            ValueError: if a name is not a parameter, or an accuracy is not above zero.
+        """
         for name, error in self.wanted.items():
             system.index(name)  # refuses what is none
             if error <= 0:

@@ -1,4 +1,4 @@
-"""What an axis of a file will do along a motion: random plants of its box, in its closed loop."""
+"""Monte Carlo simulation of an axis from a file along a motion: random plants of its prior box."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -21,24 +21,25 @@ from jaxid.loop.simulate import Signals
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
-SUBSTEPS = 5  # Runge-Kutta steps per period: what happens between ticks counts
+SUBSTEPS = 5  # Runge-Kutta steps per period: limits are checked between samples too
 DRAWN = 30
-_PUSH = 10.0  # 1/s: how fast the adversary's position error counts beside its velocity error
+_PUSH = 10.0  # 1/s: k₁ of the disturbances against tracking
 
 
 class Simulated(NamedTuple):
-    """Evidence, no proof: what some plants did.
+    """A Monte Carlo simulation of random plants along a motion; it is evidence, not a proof.
 
     Attributes:
-        axis: of the file.
-        played: what they tracked, from home on.
-        seed: of θ and Δ.
-        plants: how many.
-        excess: beyond each limit at worst, in half-widths; below zero it is kept. Shape (k, sides).
-        drawn: signals of some, plants along the first axis.
-        half_lengths: of the intervals that the logs of some prove, shape (logs, m).
-        outside: how many of them a truth was outside of.
-        log: one of them.
+        axis: axis from a file.
+        played: motion that the plants tracked, with the approach from home.
+        seed: seed of the random θ and Δ.
+        plants: number k of plants.
+        excess: largest excess of each limit, by its name, in half-widths, shape (k,); below zero
+            the limit is kept.
+        drawn: signals of some plants, with plants along the first axis.
+        half_lengths: half-widths of the intervals from the logs of some plants, shape (logs, m).
+        outside: number of these logs with a true parameter outside its interval.
+        log: one of these logs.
     """
 
     axis: Axis
@@ -60,18 +61,21 @@ def simulate_axis(
     seed: int = 0,
     tell: Callable[[str], None] = lambda message: None,
 ) -> Simulated:
-    """Random θ of the box, undisturbed, pushed against its tracking, and by random forces in turn.
+    """Simulate random plants of the prior box in closed loop along a motion.
+
+    In turn they are undisturbed, disturbed by `AgainstTracking` with k₁ = 10 and −10 1/s, and
+    disturbed at random.
 
     Args:
-        axis: from a file with a controller.
-        motion: to track, after an approach if the axis is elsewhere at home.
-        plants: how many.
-        logs: of how many what their logs prove is found too.
-        seed: of θ and Δ.
-        tell: told what goes on.
+        axis: axis from a file with a controller.
+        motion: motion to track, after an approach if it does not start at home.
+        plants: number of plants.
+        logs: number of plants whose logs are also identified.
+        seed: seed of the random θ and Δ.
+        tell: function that is called with the name of each step as it begins.
 
     Raises:
-        ValueError: if the axis has no controller, or there are fewer plants than logs.
+        ValueError: if the axis has no controller, or `logs` is not between 1 and `plants`.
     """
     require(1 <= logs <= plants, f"Argument `logs` must be 1 to {plants}, but is {logs}.")
     whole = played(axis, motion)
@@ -103,7 +107,7 @@ def _signals(loop: ClosedLoop, scenarios: Scenarios, motion: JerkTrajectory) -> 
 
 
 def _log(axis: Axis, signals: Signals, k: int) -> Log:
-    """Of plant k, as its servo would keep it."""
+    """Return the log of plant k as its servo records it."""
     return axis.servo.log(jax.tree.map(lambda x: x[k], signals))
 
 

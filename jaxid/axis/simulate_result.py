@@ -1,4 +1,4 @@
-"""What is written and said of random axes that tracked a motion."""
+"""The files and the text of a simulation of random axes along a motion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from jaxid.io.files import UNITS, json_bytes
 
 @dataclass(frozen=True, eq=False)
 class SimulateResult(Result):
-    """What random axes did along a motion, beside the design in the same folder.
+    """The result of `jaxid simulate`: random axes along a designed motion.
 
     Attributes:
-        found: what they did.
+        found: simulated axes.
         design: digest of the design in the same folder, whose motion they tracked.
     """
 
@@ -33,13 +33,16 @@ class SimulateResult(Result):
 
     @property
     def axis(self) -> Axis:
+        """The axis that was simulated."""
         return self.found.axis
 
     @property
     def results(self) -> dict[str, str]:
+        """The digest of the design whose motion was simulated, by its place."""
         return {DesignResult.name: self.design}
 
     def summary(self) -> SimulationSummary:
+        """Return the content of `simulation.json`."""
         found = self.found
         system = found.axis.system
         lengths = np.median(found.half_lengths, axis=0), np.max(found.half_lengths, axis=0)
@@ -66,9 +69,11 @@ class SimulateResult(Result):
         )
 
     def files(self) -> Mapping[str, bytes]:
+        """Return the content of `simulation.json` and `simulation.png`, by name."""
         return {"simulation.json": json_bytes(self.summary()), "simulation.png": page(self.found)}
 
     def text(self) -> str:
+        """Return the result as text: violated limits, half-widths of intervals, and assumptions."""
         said = self.summary()
         margins = [(name, one.beyond, one.least_margin) for name, one in said.limits.items()]
         lengths = [(name, x.unit, x.median, x.most) for name, x in said.half_length.items()]
@@ -86,7 +91,7 @@ class SimulateResult(Result):
 
 
 def page(found: Simulated) -> bytes:
-    """Tracking error, velocity and input of some plants."""
+    """Return a picture of tracking error, velocity and input of some simulated axes, as PNG."""
     axis, drawn = found.axis, found.drawn
     unit, limits = UNITS[axis.system.coordinate], axis.task.limits
     canvas, panels = plots.figure(1, 3, (12.0, 4.2))

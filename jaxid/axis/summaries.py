@@ -1,4 +1,4 @@
-"""What the files of the command say to other programs: every key, with its unit.
+"""The structures of the files that the command writes for other programs: every key, with its unit.
 
 The JSON files and the table of a trade-off are made from these structures, key by key and in this
 order. A number that is not finite is null. "The unit" of a parameter is that of its key `unit`.
@@ -11,20 +11,21 @@ Ends = tuple[float, float]
 
 
 class DesignedParameter(msgspec.Struct, frozen=True, kw_only=True):
-    """What a designed motion is worth for one parameter.
+    """The evaluation of a designed motion for one parameter.
 
     Attributes:
-        unit: of the parameter.
-        interval: its prior interval, lower and upper end, in the unit.
-        J: error of least squares of exact signals, (16), in the unit.
-        guaranteed: error that the log can be expected to guarantee, in the unit: that of an
-            undisturbed axis in the middle of its box.
-        floor: what no motion within the limits and no estimator can promise to go below, in the
-            unit.
-        gap: guaranteed / floor − 1.
-        guaranteed_with_delta_times: the same as guaranteed, if δ were so many times as large; by
-            the factor.
-        wanted: error that the axis file wants, in the unit; no key where it wants none.
+        unit: unit of the parameter.
+        interval: prior interval of the parameter, lower and upper end, in the unit.
+        J: worst-case error of least squares of exact signals (16), in the unit.
+        guaranteed: predicted guaranteed error in the unit: that of an undisturbed axis at the
+            centre of its prior box.
+        floor: proved lower bound on the error of any motion within the limits and any estimator, in
+            the unit.
+        gap: relative optimality gap guaranteed / floor − 1.
+        guaranteed_with_delta_times: predicted guaranteed error in the unit if δ were multiplied by
+            a factor, by the factor.
+        wanted: error that the axis file requires, in the unit; the key is absent if it requires
+            none.
     """
 
     unit: str
@@ -38,17 +39,17 @@ class DesignedParameter(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DesignSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """`design.json`: a designed motion, what it is worth, and what that rests on.
+    """The content of `design.json`: a designed motion, its evaluation and its assumptions.
 
     Attributes:
-        program: name and version of what wrote it.
-        axis_sha256: of the axis file, and of the Python module that it names.
-        target: the parameter that the motion is for; all; or wanted.
+        program: name and version of the program that wrote it.
+        axis_sha256: SHA-256 of the axis file, and of the Python module that it names.
+        target: name of the parameter that the motion is for; all; or wanted.
         search: seed and effort of the search, in words.
-        begins_s: when the motion begins in the set-points, s: the approach is before it.
-        ends_s: when it ends, s.
-        parameters: what it is worth, by the name of the parameter.
-        margins: what the exported positions leave of each limit at least, in half-widths of the
+        begins_s: time in the set-points at which the motion begins, after the approach, s.
+        ends_s: time in the set-points at which the motion ends, s.
+        parameters: evaluation of the motion, by the name of the parameter.
+        margins: smallest margin of the exported positions to each limit, in half-widths of the
             limit; velocity and acceleration are those of straight lines between the positions.
         rests_on: assumptions, in sentences.
     """
@@ -65,17 +66,17 @@ class DesignSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TradeoffRow(msgspec.Struct, frozen=True, kw_only=True):
-    """A row of `tradeoff.csv`: one motion and one parameter.
+    """One row of `tradeoff.csv`: the evaluation of one motion for one parameter.
 
     Attributes:
-        target: the parameter that the motion is for; all; or wanted.
-        duration_s: of the motion without its approach, s.
-        parameter: its name.
-        unit: of the parameter.
-        J: as in `design.json`, in the unit.
-        guaranteed: as there, in the unit.
-        floor: as there, in the unit.
-        gap: guaranteed / floor − 1.
+        target: name of the parameter that the motion is for; all; or wanted.
+        duration_s: duration of the motion without its approach, s.
+        parameter: name of the parameter.
+        unit: unit of the parameter.
+        J: worst-case error of least squares of exact signals (16), in the unit.
+        guaranteed: predicted guaranteed error, in the unit.
+        floor: proved lower bound on the error of any motion and any estimator, in the unit.
+        gap: relative optimality gap guaranteed / floor − 1.
     """
 
     target: str
@@ -89,12 +90,12 @@ class TradeoffRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SimulatedLimit(msgspec.Struct, frozen=True, kw_only=True):
-    """How random axes kept one limit.
+    """The violation of one limit by simulated random axes.
 
     Attributes:
-        beyond: how many of the axes left it.
-        least_margin: what the worst of them left of it, in half-widths of the limit; below zero it
-            went beyond it, null if its loop diverged.
+        beyond: number of axes that exceeded the limit.
+        least_margin: smallest margin of all axes to the limit, in half-widths of the limit; below
+            zero the limit was exceeded, null if a loop diverged.
     """
 
     beyond: int
@@ -102,12 +103,12 @@ class SimulatedLimit(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HalfLength(msgspec.Struct, frozen=True, kw_only=True):
-    """Half of the interval that a simulated log proves for one parameter.
+    """The half-widths of the guaranteed intervals of one parameter from simulated logs.
 
     Attributes:
-        unit: of the parameter.
-        median: of all logs, in the unit.
-        most: of all logs, in the unit.
+        unit: unit of the parameter.
+        median: median over all logs, in the unit.
+        most: largest over all logs, in the unit.
     """
 
     unit: str
@@ -116,17 +117,19 @@ class HalfLength(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SimulationSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """`simulation.json`: what random axes of the box did along a motion. Evidence, no proof.
+    """The content of `simulation.json`: a Monte Carlo simulation of random axes along a motion.
+
+    It is evidence, not a proof.
 
     Attributes:
-        program: name and version of what wrote it.
-        axis_sha256: of the axis file, and of the Python module that it names.
-        seed: of the axes and of what disturbs them.
-        plants: how many axes there were.
-        limits: how they kept each limit: position, velocity, input, input_rate.
-        logs: of how many axes it was found what their logs prove.
-        logs_with_a_truth_outside: of how many of these a true parameter is outside of its interval.
-        half_length: of the intervals that the logs prove, by the name of the parameter.
+        program: name and version of the program that wrote it.
+        axis_sha256: SHA-256 of the axis file, and of the Python module that it names.
+        seed: seed of the random axes and disturbances.
+        plants: number of simulated axes.
+        limits: violations of each limit: position, velocity, input, input_rate.
+        logs: number of axes whose logs were also identified.
+        logs_with_a_truth_outside: number of these logs with a true parameter outside its interval.
+        half_length: half-widths of the intervals from the logs, by the name of the parameter.
         rests_on: assumptions, in sentences.
     """
 
@@ -142,18 +145,21 @@ class SimulationSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class IdentifiedParameter(msgspec.Struct, frozen=True, kw_only=True):
-    """What a log proves of one parameter; the last four keys are absent if it contradicts the axis.
+    """The result of an identification for one parameter.
+
+    The last four keys are absent if the log is inconsistent with the axis.
 
     Attributes:
-        unit: of the parameter.
-        prior: its interval in the axis file, lower and upper end, in the unit.
-        least_squares: estimate by least squares, in the unit; null if the log does not tell the
-            parameters apart.
-        theta_hat: the estimate that the guaranteed interval is around, in the unit.
-        bound: how far the truth is from theta_hat at most, in the unit.
-        guaranteed: interval that holds the truth, in the unit.
-        possible: interval of all values that no stretch of the log excludes, in the unit; within
-            guaranteed.
+        unit: unit of the parameter.
+        prior: prior interval in the axis file, lower and upper end, in the unit.
+        least_squares: least-squares estimate, in the unit; null if the log does not identify the
+            parameters separately.
+        theta_hat: centre estimate of a fixed linear estimator, in the unit.
+        bound: worst-case error of theta_hat, in the unit.
+        guaranteed: intersection of theta_hat ± bound with the prior interval, in the unit; it
+            contains the true value.
+        possible: guaranteed interval that contains all values consistent with the log, in the unit;
+            it lies within guaranteed.
     """
 
     unit: str
@@ -166,13 +172,13 @@ class IdentifiedParameter(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class UsedPiece(msgspec.Struct, frozen=True, kw_only=True):
-    """Rows of a log that were used together.
+    """A segment of consecutive rows of a log that were used together.
 
     Attributes:
-        first_row: of the piece, from 1.
-        last_row: of the piece.
-        period_s: of its rows, s.
-        jitter_s: how far an instant is from a multiple of the period at most, s.
+        first_row: first row of the segment, from 1.
+        last_row: last row of the segment.
+        period_s: sample period of its rows, s.
+        jitter_s: largest deviation of a sample from a multiple of the period, s.
     """
 
     first_row: int
@@ -182,22 +188,23 @@ class UsedPiece(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class IdentificationSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """`result.json`: intervals that a log proves, or in what it contradicts the axis.
+    """The content of `result.json`: guaranteed intervals from a log, or its inconsistency.
 
     Attributes:
-        program: name and version of what wrote it.
-        consistent: whether the log may be one of the axis.
-        contradiction: why not, in a sentence; null if it may.
-        least_factor_of_disturbance_bound: how many times δ it takes at least to explain the log;
-            null where that says nothing.
-        parameters: what is proved, by the name of the parameter.
-        not_told_apart: parameters whose interval may stay as it is whatever the data, each with
-            how much of which parameters it can be exchanged for, in their units.
-        rows: of the log.
-        rows_used: how many of them were used.
-        stretches: how many batches the log was processed in; null for an inconsistent log.
-        ticks_to_a_weight: how many servo periods share a weight of the estimate; null likewise.
-        pieces: between gaps, repeated rows and missing numbers.
+        program: name and version of the program that wrote it.
+        consistent: whether the log is not proved to be inconsistent with the axis.
+        contradiction: inconsistency of the log, in a sentence; null if it is consistent.
+        least_factor_of_disturbance_bound: proved lower bound on the factor of δ that the log needs;
+            null if there is none.
+        parameters: result of each parameter, by its name.
+        not_told_apart: parameters that are not identifiable, each with a direction of parameters
+            that changes nothing in the log, in their units.
+        rows: number of rows of the log.
+        rows_used: number of rows that were used.
+        stretches: number of batches in which the log was processed; null for an inconsistent log.
+        ticks_to_a_weight: largest mean number of samples per estimator weight; null for an
+            inconsistent log.
+        pieces: segments between gaps, repeated rows and missing numbers.
         rests_on: assumptions, in sentences.
     """
 

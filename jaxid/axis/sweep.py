@@ -1,7 +1,7 @@
-"""Closed loops of an axis of a file: motions, gains and scenarios, filtered with many bandwidths.
+"""Closed loops of an axis from a file: motions, gains and scenarios, filtered with many bandwidths.
 
-What the errors of least squares come to by filter, controller and axis: the study of the paper, for
-one's own axis. It takes no guarantee from a log; that is `axis_identify`.
+They give the least-squares errors by filter, controller and plant: the study of the paper, for the
+user's own axis. Guaranteed intervals from a log are computed in `jaxid.axis.identify`.
 """
 
 import shutil
@@ -33,12 +33,12 @@ FACTORS = (0.5, 1.0, 2.0)  # of the gains
 
 
 class Sweep(NamedTuple):
-    """Closed loops with every motion of a folder.
+    """Simulated closed loops with every motion of a folder of designs.
 
     Attributes:
-        axis: of the file.
-        saved: the designs whose motions they are.
-        data: labelled, with units.
+        axis: axis from a file.
+        saved: designs whose motions were simulated.
+        data: results as a labelled data set, with units.
     """
 
     axis: Axis
@@ -55,22 +55,23 @@ def sweep_axis(
     seed: int = 0,
     tell: Callable[[int, int], None] = lambda done, total: None,
 ) -> Sweep | None:
-    """Every motion that was designed with every factor of the gains in every scenario.
+    """Simulate every designed motion with every factor of the gains in every scenario.
 
-    Blocks that are done are kept beside the folder until all are: it goes on where it was stopped.
-    Of several processes the first returns all, the others nothing.
+    Blocks that are done are kept beside the folder until all are, so that an interrupted sweep
+    continues where it stopped. Of several processes the first returns the result, the others None.
 
     Args:
-        axis: from a file with a controller.
-        saved: one or several.
-        bandwidths: w of H_f, rad/s.
-        factors: of the gains of the file.
-        plants: random ones of the box, beside its middle, its lowest and its highest θ.
-        seed: of these and of what disturbs them.
-        tell: told how many blocks are done, and of how many.
+        axis: axis from a file with a controller.
+        saved: one or several designs.
+        bandwidths: bandwidths w of H_f, rad/s.
+        factors: factors of the feedback gains in the file.
+        plants: number of random plants, beside the centre of the prior box, its lowest and its
+            highest θ.
+        seed: seed of the random plants and disturbances.
+        tell: function that is called with the number of blocks done and their total number.
 
     Raises:
-        ValueError: if the axis has no controller.
+        ValueError: if the axis has no controller, or an argument is invalid.
     """
     swept, labels = study(axis, saved.designs, bandwidths, factors, plants, seed)
     work, kept = blocks.Work(item, swept, swept.count), blocks_of(saved.folder)
@@ -84,13 +85,13 @@ def sweep_axis(
 
 
 def blocks_of(folder: Path) -> Path:
-    """Where blocks are kept: beside the folder, which is replaced as a whole."""
+    """Return the folder of the blocks of a sweep, which is beside the folder of its designs."""
     whole = folder.resolve()
     return whole.with_name(f"{whole.name}.sweep.blocks")
 
 
 def forget_blocks(folder: Path) -> None:
-    """Remove them, when their results are written."""
+    """Remove the blocks of a sweep whose result is written."""
     shutil.rmtree(blocks_of(folder), ignore_errors=True)
 
 
@@ -102,7 +103,11 @@ def study(
     plants: int,
     seed: int,
 ) -> tuple[Grid, Labels]:
-    """What is swept, and its names; the other arguments are those of `sweep_axis`."""
+    """Return the closed loops of a sweep with their names; the arguments are those of `sweep_axis`.
+
+    Raises:
+        ValueError: if the factors are not above zero or repeat, or `plants` is below zero.
+    """
     motions = {
         (one.summary.target, round(float(one.motion.duration), 12)): one.motion
         for one in designs.values()
@@ -140,7 +145,15 @@ def _labelled(shares: Float[Array, "k 2"]) -> dict[str, tuple[str, list[float]]]
 def scenarios(
     axis: Axis, plants: int, seed: int
 ) -> dict[str, tuple[np.ndarray, tuple[float, float]]]:
-    """True parameters, and the shares of a random force and of an adversary."""
+    """Return the scenarios of a sweep by name: true parameters θ and shares of disturbance.
+
+    The two shares of δ are those of a random and of a worst-case disturbance.
+
+    Args:
+        axis: axis from a file.
+        plants: number of random plants.
+        seed: seed of the random plants.
+    """
     system = axis.system
     shares = np.asarray(jax.random.uniform(jax.random.key(seed), (plants, len(system.names))))
     lower, upper = np.asarray(system.lower), np.asarray(system.upper)
@@ -157,7 +170,7 @@ def scenarios(
 
 
 def scaled(controller: Controller, factor: float) -> Controller:
-    """With its feedback gains times a factor."""
+    """Return a controller with its feedback gains times a factor: k1, k2 of ARC, or kp, kd."""
     names = ("k1", "k2") if isinstance(undelayed(controller), ARC) else ("kp", "kd")
     return eqx.tree_at(
         lambda c: [getattr(undelayed(c), name) for name in names],

@@ -1,4 +1,4 @@
-"""What is written and said of many closed loops of an axis of a file."""
+"""The files and the text of a sweep of closed loops."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ _USUAL = "× 1"
 
 
 class SweepRow(NamedTuple):
-    """For one motion and parameter, the bandwidth with the least of the worst J_f.
+    """The best bandwidth for one motion and parameter: that of the least worst-case J_f.
 
     Attributes:
-        target: that the motion was designed for.
-        duration: of the motion without its approach, s.
-        parameter: its name.
-        bandwidth: w of H_f, rad/s.
-        worst: J_f of the worst scenario with it, in the unit.
-        unit: of the parameter.
+        target: target that the motion was designed for.
+        duration: duration of the motion without its approach, s.
+        parameter: name of the parameter.
+        bandwidth: bandwidth w of H_f, rad/s.
+        worst: largest J_f over all scenarios with it, in the unit of the parameter.
+        unit: unit of the parameter.
     """
 
     target: str
@@ -39,10 +39,10 @@ class SweepRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SweepResult(Result):
-    """Many closed loops as one data set, beside the designs whose motions they are.
+    """The result of `jaxid sweep`: closed loops as one data set, beside their designs.
 
     Attributes:
-        found: the closed loops.
+        found: simulated closed loops.
     """
 
     found: Sweep
@@ -51,13 +51,16 @@ class SweepResult(Result):
 
     @property
     def axis(self) -> Axis:
+        """The axis whose closed loops were simulated."""
         return self.found.axis
 
     @property
     def results(self) -> dict[str, str]:
+        """The digests of the designs whose motions were simulated, by their places."""
         return {where: one.part.digest for where, one in self.found.saved.designs.items()}
 
     def summary(self) -> tuple[SweepRow, ...]:
+        """Return the best bandwidth for each motion and parameter, with the nominal gains."""
         data = self.found.data
         usual = data.sel(gains=_usual(data)).bound.max("scenario")
         rows = []
@@ -73,11 +76,13 @@ class SweepResult(Result):
         return tuple(rows)
 
     def files(self) -> Mapping[str, bytes]:
+        """Return the content of `sweep.nc` and of both pictures, by name."""
         data = self.found.data
         contents = dataset_bytes(data), bounds_page(data), tracking_page(data)
         return dict(zip(self.names, contents, strict=True))
 
     def text(self) -> str:
+        """Return the result as text: best bandwidths, and the number of diverged loops."""
         data = self.found.data
         header = ("designed for", "duration_s", "parameter", "best w (rad/s)", "worst J_f", "unit")
         title = f"Least squares, worst of all scenarios, gains {_usual(data)}"
@@ -92,7 +97,7 @@ class SweepResult(Result):
 
 
 def bounds_page(found: xr.Dataset) -> bytes:
-    """The worst J_f of each parameter over all scenarios, by motion and bandwidth."""
+    """Return a picture of the largest J_f over all scenarios, by motion and bandwidth, as PNG."""
     parameters = names(found.parameter)
     canvas, panels = plots.figure(len(parameters), 1, (8.0, 2.4 * len(parameters)))
     for panel, name in zip(panels, parameters, strict=True):
@@ -109,7 +114,7 @@ def bounds_page(found: xr.Dataset) -> bytes:
 
 
 def tracking_page(found: xr.Dataset) -> bytes:
-    """Peak tracking error over gains and scenarios, at most over all motions."""
+    """Return a picture of the peak tracking error of all motions, by gains and scenario, as PNG."""
     canvas, (panel,) = plots.figure(1, 1, (9.0, 1.8 + 0.7 * found.gains.size))
     worst = found.tracking_error.max(["design", "horizon"]).transpose("gains", "scenario")
     rows, columns = names(found.gains), names(found.scenario)
@@ -121,6 +126,6 @@ def tracking_page(found: xr.Dataset) -> bytes:
 
 
 def _usual(found: xr.Dataset) -> str:
-    """The gains of the file, or those nearest to the beginning."""
+    """Return the name of the gains of the file, or of the first ones."""
     gains = names(found.gains)
     return _USUAL if _USUAL in gains else gains[0]

@@ -1,4 +1,4 @@
-"""Motions for an axis of a file, of several durations and for several targets."""
+"""Designs of motions for an axis from a file, of several durations and for several targets."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -19,12 +19,12 @@ from jaxid.search.problem import Report
 
 
 class Tradeoff(NamedTuple):
-    """Designs to choose from.
+    """Designs for several targets and durations, to choose from.
 
     Attributes:
-        axis: of the file.
-        designs: each with a duration of its own in its axis.
-        results: digest of each, by where it is.
+        axis: axis from a file.
+        designs: designed motions; the axis of each has its own duration.
+        results: digest of each design, by its place.
     """
 
     axis: Axis
@@ -43,21 +43,25 @@ def tradeoff(
     *,
     replace: bool = False,
 ) -> Tradeoff:
-    """Every target with every duration; each design is kept in a folder of its own when found.
+    """Design a motion for every target and duration, and return all designs.
+
+    Each design is written to its own folder as soon as it is found.
 
     Args:
-        axis: from a file.
-        targets: as those of `design_axis`.
-        durations: of the motions, s.
-        out: the folder that theirs go into; designs of the same search that are there are used.
-        seed: of each search.
-        effort: of each search.
-        tell: told what goes on.
-        replace: a design of something else that a folder holds.
+        axis: axis from a file.
+        targets: targets as in `design_axis`.
+        durations: durations of the motions, s.
+        out: folder in which each design has its folder; designs of the same search there are
+            reused.
+        seed: seed of each search.
+        effort: effort of each search.
+        tell: function that is called with the name of each step as it begins.
+        replace: whether other designs in these folders may be replaced.
 
     Raises:
         InfeasibleError: if no motion of a duration keeps the limits.
-        ValueError: if a folder holds another design that must not be replaced.
+        ValueError: if a target does not exist, a duration is not a whole number of knot periods, or
+            a folder holds another design that must not be replaced.
     """
     asked = [(target, axis.lasting(duration)) for target, duration in product(targets, durations)]
     places = [f"{target}_{duration_of(longer):.12g}s" for target, longer in asked]
@@ -82,17 +86,17 @@ def tradeoff(
 
 
 def duration_of(axis: Axis) -> float:
-    """Of its motions, without their approach, s."""
+    """Return the duration of an axis' motions without their approach, in s."""
     return round(axis.task.intervals * axis.task.period, 12)
 
 
 def _kept(
     folder: Path, axis: Axis, target: str, search: str, *, replace: bool
 ) -> SavedDesign | None:
-    """The design that was found before, if it is one for this and within the limits.
+    """Return the saved design of this search, if there is one and it keeps the limits.
 
     Raises:
-        ValueError: if the folder holds something else, which must not be replaced.
+        ValueError: if the folder holds something else that must not be replaced.
     """
     try:
         saved = read_design(folder, axis.system.coordinate)
@@ -110,7 +114,7 @@ def _kept(
 
 
 def _is_for(saved: SavedDesign, axis: Axis, target: str, search: str) -> bool:
-    """Whether a design is what this search would find again."""
+    """Return whether a saved design is the one that this search would find again."""
     summary, motion, task = saved.summary, saved.motion, axis.task
     if (axis.digest, target, search, PROGRAM) != (
         summary.axis_sha256, summary.target, summary.search, summary.program,

@@ -1,4 +1,4 @@
-"""What is written and said of motions of several durations, for several targets."""
+"""The files and the text of designs for several durations and targets."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ _COLUMNS = TradeoffRow.__struct_fields__
 
 @dataclass(frozen=True, eq=False)
 class TradeoffResult(Result):
-    """Designs to choose from, compared in one table and one picture.
+    """The result of `jaxid design` for several motions, compared in one table and one picture.
 
     Attributes:
-        found: the designs.
+        found: designs.
     """
 
     found: Tradeoff
@@ -31,13 +31,16 @@ class TradeoffResult(Result):
 
     @property
     def axis(self) -> Axis:
+        """The axis that the motions were designed for."""
         return self.found.axis
 
     @property
     def results(self) -> dict[str, str]:
+        """The digests of the designs, by their places."""
         return self.found.results
 
     def summary(self) -> tuple[TradeoffRow, ...]:
+        """Return one row per motion and parameter, as in `tradeoff.csv`."""
         return tuple(
             TradeoffRow(
                 target=one.target,
@@ -53,16 +56,18 @@ class TradeoffResult(Result):
         )
 
     def files(self) -> Mapping[str, bytes]:
+        """Return the content of `tradeoff.csv` and `tradeoff.png`, by name."""
         rows = map(msgspec.structs.asdict, self.summary())
         return {"tradeoff.csv": table_bytes(_COLUMNS, rows), "tradeoff.png": page(self.found)}
 
     def text(self) -> str:
+        """Return the comparison of the motions as a text table."""
         cells = [msgspec.structs.astuple(row) for row in self.summary()]
         return plots.text_table(_COLUMNS, cells, "What their logs can be expected to prove")
 
 
 def page(found: Tradeoff) -> bytes:
-    """What is guaranteed of each parameter over the duration, one line per target."""
+    """Return a picture of the predicted errors over the duration, one line per target, as PNG."""
     designs, system = found.designs, found.axis.system
     targets = list(dict.fromkeys(one.target for one in designs))
     count = len(system.names)

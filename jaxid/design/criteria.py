@@ -1,7 +1,7 @@
-"""What a design minimises: scalar functions of a motion and of how far kinks are smoothed.
+"""Criteria of a design: scalar functions of a motion and of a smoothing parameter.
 
-Each is the log of a worst-case least-squares error J, on the desired motion itself (16), on what a
-filter leaves of it, or on what the closed loop makes of it (29).
+Each is the log of a worst-case least-squares error J: on the desired motion itself (16), on the
+filtered motion, or on the motion of the closed loop (29).
 """
 
 import abc
@@ -33,29 +33,39 @@ RecordCriterion = Callable[[Record, Scalar], Scalar]
 
 
 class Criterion(eqx.Module):
-    """What a design minimises, where one function of the motion is not enough: for subclasses.
+    """Base class of criteria that depend on more than one function of the motion.
 
-    A criterion that is a function of trajectory and smoothing needs no class.
+    A criterion that is a function of trajectory and smoothing parameter needs no class.
     """
 
     @abc.abstractmethod
     def near(self, task: Task, motion: JerkTrajectory) -> Objective:
-        """The objective for motions near to one: of a trajectory and a smoothing, of order one."""
+        """Return the objective for motions near a given one.
+
+        It is a function of a trajectory and a smoothing parameter, of order one, that JAX can
+        differentiate.
+
+        Args:
+            task: limits, boundary and duration of the motion.
+            motion: motion near which the objective is used.
+        """
 
     def coarse(self, task: Task, motion: JerkTrajectory) -> Objective:
-        """A cheaper objective, for the search among random motions; `motion` is any admissible one.
+        """Return a cheaper objective for the search from random motions; default that of `near`.
 
-        Default the same as `near`.
+        Args:
+            task: limits, boundary and duration of the motion.
+            motion: any admissible motion.
         """
         return self.near(task, motion)
 
 
 class LeastSquaresError(Criterion):
-    """J of (16): the worst-case error of least squares on the desired motion itself.
+    """The criterion J of (16): the worst-case error of least squares on the desired motion.
 
     Attributes:
-        system: with its prior box, regressors and δ.
-        target: the name of one parameter, or a norm of the error of all of them.
+        system: axis with its prior box, regressors and disturbance bound δ.
+        target: name of one parameter, or a norm of the error of all parameters.
 
     Example:
         >>> criterion = jd.LeastSquaresError(slide, "m")
@@ -65,9 +75,21 @@ class LeastSquaresError(Criterion):
     target: str | Norm
 
     def near(self, task: Task, motion: JerkTrajectory) -> "PlannedError":
+        """Return log J as a function of the motion, with 64 nodes per interval.
+
+        Args:
+            task: task whose velocity limit scales the smoothing.
+            motion: not used.
+        """
         return self._planned(task, 64)
 
     def coarse(self, task: Task, motion: JerkTrajectory) -> "PlannedError":
+        """Return log J as a function of the motion, with 5 nodes per interval.
+
+        Args:
+            task: task whose velocity limit scales the smoothing.
+            motion: not used.
+        """
         return self._planned(task, 5)
 
     def _planned(self, task: Task, nodes: int) -> "PlannedError":
@@ -78,13 +100,13 @@ class LeastSquaresError(Criterion):
 
 
 class PlannedError(eqx.Module):
-    """log J of (16): the worst-case least-squares error on the desired motion itself.
+    """The function log J of (16), J being the worst-case least-squares error on a desired motion.
 
     Attributes:
-        system: with its δ and regressors.
-        norm: which error counts.
-        speed: m/s or rad/s, over which jumps are spread at smoothing 1 (the speed limit).
-        nodes: of the midpoint rule, per interval of the motion.
+        system: axis with its regressors and disturbance bound δ.
+        norm: norm of the estimation error.
+        speed: speed over which jumps are spread at smoothing 1, m/s or rad/s (the speed limit).
+        nodes: number of nodes of the midpoint rule per interval of the motion.
     """
 
     system: System
@@ -93,10 +115,10 @@ class PlannedError(eqx.Module):
     nodes: int = eqx.field(static=True, default=8)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-        """Smooth in the jerk; exact in the limit of no smoothing and many nodes.
+        """Return log J, smooth in the jerk; exact for zero smoothing and many nodes.
 
-        Jumps are also spread over the speed that changes from one node to the next, so that the sum
-        sees when they are crossed and not only between which nodes.
+        Jumps are also spread over the change of speed from one node to the next, so that the sum
+        depends smoothly on the instant at which they are crossed.
         """
         states, weights = trajectory.midpoints(self.nodes)
         step = jnp.abs(states.acceleration) * weights / 2
@@ -106,12 +128,12 @@ class PlannedError(eqx.Module):
 
 
 class FilteredError(eqx.Module):
-    """log J_f of (29), a criterion on records: the worst-case error after H_f.
+    """The function log J_f of (29): the log of the worst-case error of a record filtered by H_f.
 
     Attributes:
-        norm: which error counts.
-        bandwidth: w of H_f in rad/s.
-        period: of the record's ticks, s.
+        norm: norm of the estimation error.
+        bandwidth: bandwidth w of H_f, rad/s.
+        period: sample period of the record, s.
     """
 
     norm: Norm
@@ -119,22 +141,22 @@ class FilteredError(eqx.Module):
     period: Scalar = eqx.field(converter=as_array("period"))
 
     def __call__(self, record: Record, smoothing: Scalar) -> Scalar:
-        """Its corners rounded by twice the smoothing, as those of `PlannedError`."""
+        """Return log J_f of a record, its kinks smoothed as those of `PlannedError`."""
         rows = filtered(record, self.bandwidth, self.period).rows
         errors = smooth_worst_case_error(least_squares(rows, self.norm), rows, 2 * smoothing)
         return jnp.log(jnp.max(errors))
 
 
 class PerfectTracking(eqx.Module):
-    """A criterion on the record of an axis that follows its reference exactly.
+    """A criterion of motions: that of the record of an axis which follows its reference exactly.
 
     Attributes:
-        system: with its δ and regressors.
-        criterion: of the record.
-        speed: over which jumps are spread at smoothing 1, m/s or rad/s.
-        period: of the record's ticks, s.
-        ticks: of the longest motion.
-        repeats: how many times it is run, back to back, from rest.
+        system: axis with its regressors and disturbance bound δ.
+        criterion: function of a record and a smoothing parameter.
+        speed: speed over which jumps are spread at smoothing 1, m/s or rad/s.
+        period: sample period of the record, s.
+        ticks: number of samples of the longest motion.
+        repeats: number of times that the motion is run, back to back, from rest.
     """
 
     system: System
@@ -145,7 +167,10 @@ class PerfectTracking(eqx.Module):
     repeats: int = eqx.field(static=True, default=1)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-        """The motion half-way through each tick stands for the tick: no input, no disturbance."""
+        """Return the criterion of a record with the states half-way through each sample period.
+
+        The record has zero input and no disturbance.
+        """
         states = trajectory.states((jnp.arange(self.ticks) + 0.5) * self.period)
         step = jnp.abs(states.acceleration) * self.period / 2
         measure = jnp.full(self.ticks, self.period)
@@ -157,19 +182,18 @@ class PerfectTracking(eqx.Module):
 
 
 class ThroughLoop(eqx.Module):
-    """A criterion on the records that the closed loop leaves, over several plants.
+    """A criterion of motions: that of the records of a simulated closed loop, over plants.
 
-    Any scalar function of a Record will do as the criterion. It is differentiated through filter,
-    plant, controller and sensor.
+    It is differentiated through filter, plant, controller and sensor.
 
     Attributes:
-        loop: controller and sensor; an `IdealSensor`, since steps of an encoder have no slope.
-        scenarios: the plants; one is enough for the nominal case.
-        criterion: of each record; the log of an error.
-        speed: over which jumps are spread at smoothing 1, m/s or rad/s.
-        blend: over which they are spread at any smoothing but zero, m/s or rad/s: about the change
-            of speed in one tick, so that the slope sees a jump before a tick has crossed it.
-        worst: over the scenarios, or their mean.
+        loop: closed loop with an `IdealSensor`, since an encoder cannot be differentiated.
+        scenarios: plants; one is enough for the nominal case.
+        criterion: function of a record and a smoothing parameter; the log of an error.
+        speed: speed over which jumps are spread at smoothing 1, m/s or rad/s.
+        blend: speed over which jumps are spread at any smoothing but zero, m/s or rad/s: about the
+            change of speed in one sample period, so that the gradient is smooth at a jump.
+        worst: True, the default, for the largest criterion of all plants, False for their mean.
     """
 
     loop: ClosedLoop
@@ -180,7 +204,10 @@ class ThroughLoop(eqx.Module):
     worst: bool = eqx.field(static=True, default=True)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-        """The worst, rounded by half the smoothing and never below the exact one, or the mean."""
+        """Return the largest criterion of all plants, or the mean.
+
+        The largest one is smoothed by half the smoothing parameter, and never below the exact one.
+        """
         values = self.each(trajectory, smoothing)
         if not self.worst:
             return jnp.mean(values)
@@ -189,7 +216,12 @@ class ThroughLoop(eqx.Module):
         return jnp.where(smoothing > 0, rounded, jnp.max(values))
 
     def each(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " k"]:
-        """The criterion for every plant."""
+        """Return the criterion of the record of every plant, shape (k,).
+
+        Args:
+            trajectory: motion.
+            smoothing: smoothing parameter; 0 for the exact value.
+        """
         blend = smoothing * self.speed + jnp.where(smoothing > 0, self.blend, 0.0)
         loop, scenarios = smoothed((self.loop, self.scenarios), blend)
 

@@ -1,4 +1,4 @@
-"""What a design is worth, parameter by parameter, and how much better any other could be."""
+"""Evaluation of a motion before it is run: predicted errors, lower bounds and optimality gaps."""
 
 from typing import NamedTuple
 
@@ -15,13 +15,14 @@ from jaxid.regression.lower_bound import LowerBound
 
 
 class ParameterWorth(NamedTuple):
-    """What a motion is worth for one parameter: plain numbers, as tables and files have them.
+    """The evaluation of a motion for one parameter, in plain numbers for tables and files.
 
     Attributes:
-        J: error of least squares of exact signals, (16), in the unit of the parameter.
-        guaranteed: error that the log can be expected to guarantee, in that unit.
-        floor: what no motion and no estimator can promise to go below, in that unit.
-        gap: guaranteed / floor − 1.
+        J: worst-case error of least squares of exact signals (16), in the unit of the parameter.
+        guaranteed: predicted guaranteed error (half-width), in the unit of the parameter.
+        floor: proved lower bound on the error of any motion and estimator, in the unit of the
+            parameter.
+        gap: relative optimality gap guaranteed / floor − 1.
     """
 
     J: float
@@ -31,15 +32,15 @@ class ParameterWorth(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """Of one motion, shape (m,) each, in the units of the parameters.
+    """The evaluation of a motion before it is run: arrays of shape (m,), in the parameters' units.
 
     Attributes:
-        error: J of (16), by least squares of exact signals.
-        guaranteed: what the log can be expected to prove, servo, encoder and prior box included:
-            that of an undisturbed axis in the middle of its box that follows the motion. What the
-            log of another one proves, `jaxid.identify` says; it may be a little more or less.
-        floor: what no motion within the limits and no estimator can promise to go below.
-        estimated: parameters whose floor is an estimate.
+        error: worst-case error J of least squares of exact signals (16).
+        guaranteed: predicted guaranteed half-width, with servo, encoder and prior box: that from
+            the log of an undisturbed axis at the centre of the prior box that follows the motion. A
+            real log determines the actual one by `jaxid.identify`, which may be larger or smaller.
+        floor: proved lower bound on the error of any motion within the limits and any estimator.
+        estimated: names of parameters whose lower bound is an estimate.
     """
 
     error: Float[Array, " m"]
@@ -49,12 +50,12 @@ class Evaluation(NamedTuple):
 
     @property
     def gap(self) -> Float[Array, " m"]:
-        """By how much of the floor the guaranteed error is above it."""
+        """The relative optimality gap guaranteed / floor − 1 of each parameter, shape (m,)."""
         return self.guaranteed / self.floor - 1
 
     @property
     def by_parameter(self) -> tuple[ParameterWorth, ...]:
-        """The same, one parameter after the other."""
+        """The evaluation as one `ParameterWorth` per parameter, in the order of θ."""
         columns = (self.error, self.guaranteed, self.floor, self.gap)
         rows = zip(*(column.tolist() for column in columns), strict=True)
         return tuple(ParameterWorth(*row) for row in rows)
@@ -63,13 +64,17 @@ class Evaluation(NamedTuple):
 def evaluate(
     system: System, trajectory: JerkTrajectory, servo: Servo, least: LowerBound
 ) -> Evaluation:
-    """Appraise a motion before it is run.
+    """Evaluate a motion before it is run: predicted errors, lower bounds and optimality gaps.
 
     Args:
-        system: with the prior box.
-        trajectory: the motion.
-        servo: what runs it and keeps its log.
-        least: `floor` of the system under its limits, of every parameter.
+        system: axis with its prior box and disturbance bound δ.
+        trajectory: motion to evaluate.
+        servo: servo that runs the motion and records its log.
+        least: `lower_bound` of the system under its limits, for every parameter.
+
+    Raises:
+        ValueError: if `least` does not have one number per parameter, or the motion does not last a
+            whole number of sample periods, two at least.
 
     Example:
         >>> worth = jd.evaluate(slide, motion, servo, least)

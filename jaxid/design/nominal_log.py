@@ -1,7 +1,7 @@
-"""The log that a motion can be expected to leave, before it is run: what designs are made for.
+"""The nominal log of a motion, predicted before the motion is run: designs are made for it.
 
-An axis in the middle of its box, undisturbed, stands for all of them: the weights that guarantee
-most hardly depend on where in the box the axis is, or on what disturbs it.
+It is that of an undisturbed axis at the centre of the prior box. The best weights hardly depend on
+where in the box the parameters are, or on the disturbance.
 """
 
 import abc
@@ -22,21 +22,21 @@ from jaxid.motion.trajectory import JerkTrajectory, States, ticks_of
 
 
 class NominalLog(eqx.Module):
-    """A log, as a differentiable function of the motion that leaves it."""
+    """Base class of predicted logs, as differentiable functions of the motion."""
 
     @abc.abstractmethod
     def __call__(self, trajectory: JerkTrajectory) -> tuple[Log, States]:
-        """The log, its positions exact, and the states of the axis half-way through each tick."""
+        """Return the log with exact positions, and the states in the middle of each sample."""
 
 
 class ExactTracking(NominalLog):
-    """Of an axis that follows its reference exactly.
+    """The predicted log of an axis that follows its reference exactly.
 
     Attributes:
-        system: for the middle of its box.
-        period: of the servo, s.
-        resolution: of the encoder, m or rad.
-        count: of ticks of the longest motion.
+        system: axis; its parameters are those at the centre of the prior box.
+        period: sample period of the servo, s.
+        resolution: encoder resolution, m or rad.
+        count: number of samples of the longest motion.
     """
 
     system: System
@@ -54,12 +54,12 @@ class ExactTracking(NominalLog):
 
 
 class ClosedLoopTracking(NominalLog):
-    """Of an axis in a closed loop.
+    """The predicted log of an axis in a simulated closed loop.
 
     Attributes:
-        loop: with an `IdealSensor`, since steps of an encoder have no slope.
-        plant: in the middle of its box.
-        resolution: of the encoder that the log is kept with, m or rad.
+        loop: closed loop with an `IdealSensor`, since an encoder cannot be differentiated.
+        plant: undisturbed plant at the centre of the prior box.
+        resolution: encoder resolution of the log, m or rad.
     """
 
     loop: ClosedLoop
@@ -82,9 +82,16 @@ def nominal_log_model(
     servo: Servo,
     controller: Controller | None = None,
 ) -> NominalLog:
-    """The nominal log as a differentiable function of motions as long as this one, or shorter.
+    """Return the predicted log as a differentiable function of the motion.
 
-    The arguments are those of `nominal_log`.
+    Args:
+        system: axis with its prior box.
+        trajectory: longest motion that the function will be called with.
+        servo: sample period, encoder resolution and delay.
+        controller: controller of the closed loop; default an axis that follows the motion exactly.
+
+    Raises:
+        ValueError: if the motion does not last a whole number of sample periods, two at least.
     """
     count = servo.ticks(trajectory)
     if controller is None:
@@ -99,20 +106,20 @@ def nominal_log(
     servo: Servo,
     controller: Controller | None = None,
 ) -> Log:
-    """The log that a motion leaves on an undisturbed axis in the middle of its prior box.
+    """Return the predicted log of a motion on an undisturbed axis at the centre of its prior box.
 
     Args:
-        system: with the prior box.
-        trajectory: the motion.
-        servo: sample period and resolution of the log.
-        controller: whose closed loop is expected; default an axis that follows the motion exactly.
+        system: axis with its prior box.
+        trajectory: motion.
+        servo: sample period and encoder resolution of the log.
+        controller: controller of the closed loop; default an axis that follows the motion exactly.
 
     Raises:
-        ValueError: if the period does not divide the motion into two periods or more.
+        ValueError: if the motion does not last a whole number of sample periods, two at least.
     """
     return _log(nominal_log_model(system, trajectory, servo, controller), trajectory)
 
 
 @eqx.filter_jit
 def _log(model: NominalLog, trajectory: JerkTrajectory) -> Log:
-    return whole(model(trajectory)[0])  # as long as the motion that the model is for
+    return whole(model(trajectory)[0])  # the model was made for this motion: no padding

@@ -19,7 +19,7 @@ from jaxid.search.problem import Design, Objective, Problem, Report, Show
 from jaxid.search.restoration import interior_motion, restored
 from jaxid.search.slp import refined
 
-_MET = 1e-9  # half-widths: far more than rounding leaves, and than any stop would notice
+_MET = 1e-9  # half-widths: far above rounding errors, and negligible for the axis
 
 
 def optimal_motion(
@@ -32,28 +32,31 @@ def optimal_motion(
     report: Report = lambda message: None,
     show: Show = lambda trajectory: None,
 ) -> Design:
-    """The motion within the limits that minimises a criterion.
+    """Return the motion within the limits that minimises a criterion, as found by a search.
 
-    From a key a search begins with many random motions; from a given motion it improves that one.
-    Random motions hardly ever lead to a good `PredictedError`: for that, the best motions for least
-    squares with the same targets are found first, several times, since the refinement that follows
-    cannot change the order in which a motion is fast and slow. The best of them is refined further.
+    From a random key, the search starts from many random motions; from a given motion, it improves
+    that one. Random motions hardly ever lead to a good `PredictedError`: for it, the best motions
+    for least squares with the same targets are searched first, several times, since the refinement
+    that follows cannot change the order in which a motion is fast and slow. The best of them is
+    refined.
 
     Args:
         task: limits, boundary conditions and duration of the motion.
-        criterion: a `LeastSquaresError`, a `PredictedError`, a `Criterion` of your own, or any
-            function of a trajectory and a smoothing (0 for the exact value) that JAX can
+        criterion: a `LeastSquaresError`, a `PredictedError`, your own `Criterion`, or any function
+            of a trajectory and a smoothing parameter (0 for the exact value) that JAX can
             differentiate, of order one: take the log of a positive quantity.
-        start: a random key for a search; or a motion as long as the task's, which is restored to
-            the limits where it leaves them, and never made worse.
-        shorter: a good motion with fewer intervals: some random starts are longer copies of it.
-        effort: how long to search.
-        report: called with what is being computed.
-        show: called with the best admissible motions on the way.
+        start: JAX random key for a search; or a motion as long as the task's, which is restored to
+            the limits where it exceeds them, and never made worse.
+        shorter: good motion with fewer intervals, of which some starts are longer copies; it is
+            used by a search for other criteria than a `PredictedError` only.
+        effort: numbers of starts, steps and rounds of the search.
+        report: function that is called with the name of each step as it begins.
+        show: function that is called with the best admissible motions during the search.
 
     Raises:
-        InfeasibleError: if no motion of this duration keeps the limits, proved by a linear program.
-        ValueError: if an argument cannot be, in a sentence that names it.
+        InfeasibleError: if a linear program proves that no motion of this duration keeps the
+            limits.
+        ValueError: if an argument is invalid; the message names it.
 
     Example:
         >>> effort = jd.Effort(newton_rounds=0, programs=2)  # hardly any: only an example
@@ -80,7 +83,7 @@ def optimal_motion(
 
 
 class _Search(NamedTuple):
-    """What stays the same from motion to motion; `deep` is one with room to all limits."""
+    """The settings of a search; `deep` is a motion with a margin to all limits."""
 
     task: Task
     criterion: Criterion | Objective
@@ -109,7 +112,7 @@ class _Search(NamedTuple):
         """The best of several searches, each from the best motion for least squares."""
         count, smoothings = self.effort.searches, self.effort.predicted_smoothings
         require(count >= 1, f"Argument `searches` of an effort must be 1 or more, but is {count}.")
-        criterion.near(self.task, self.deep)  # refuses a servo without a log before the search
+        criterion.near(self.task, self.deep)  # raises if the servo cannot record a log
         found = []
         for k, own in enumerate(jax.random.split(key, count), start=1):
             label = f"search {k} of {count}"
@@ -135,30 +138,30 @@ class _Search(NamedTuple):
         return self.design(found, (self.value(given),))
 
     def refined(self, motion: JerkTrajectory, smoothings: tuple[float, ...]) -> JerkTrajectory:
-        """By linear programs, for the criterion near to the motion."""
+        """Refine a motion by linear programs, for the criterion near it."""
         programs = self.effort.predicted_programs
         return refined(self.problem(motion), self.deep, motion, programs, smoothings)
 
     def better(self, one: JerkTrajectory, other: JerkTrajectory) -> JerkTrajectory:
-        """Each by the criterion near to itself."""
+        """Return the better of two motions, each by the criterion near it."""
         return other if self.value(other) <= self.value(one) else one
 
     def design(self, motion: JerkTrajectory, history: tuple[float, ...]) -> Design:
-        """With its value."""
+        """Return a motion with its value and history."""
         self.show(motion)
         value = self.value(motion)
         return Design(motion, value, (*history, value))
 
     def value(self, motion: JerkTrajectory) -> float:
-        """By the criterion near to the motion, not smoothed."""
+        """Return the value of a motion by the criterion near it, without smoothing."""
         return float(self.problem(motion).value(motion))
 
     def problem(self, motion: JerkTrajectory) -> Problem:
-        """For motions near to one."""
+        """Return the problem for motions near a given one."""
         return Problem.of(self.task, self.near(motion))
 
     def near(self, motion: JerkTrajectory) -> Objective:
-        """To be minimised near to one motion."""
+        """Return the objective near a given motion."""
         criterion = self.criterion
         return criterion.near(self.task, motion) if isinstance(criterion, Criterion) else criterion
 
@@ -192,7 +195,7 @@ def _matching(task: Task, start: JerkTrajectory) -> JerkTrajectory:
 
 
 def _missed(task: Task, motion: JerkTrajectory) -> float:
-    """By how much of the limits' half-widths a state that is fixed is not met."""
+    """Return by how much a motion misses a fixed state, in half-widths of the limits."""
     low, high = task.limits.motion.T
     worst = 0.0
     for via in task.boundary.vias:
@@ -203,5 +206,5 @@ def _missed(task: Task, motion: JerkTrajectory) -> float:
 
 
 def _nothing(trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-    """To minimise, where only the limits are asked for."""
+    """Return zero, the objective where only the limits matter."""
     return jnp.zeros(())

@@ -1,8 +1,8 @@
-"""What a motion can be expected to guarantee, as an objective: encoder and servo included.
+"""The predicted guaranteed error of a motion as an objective, with encoder and servo.
 
-The weights are the best ones for the log that the motion foresees, found by linear programs outside
-of JAX. By the envelope theorem the slope of the least error is that of its Lagrangian with weights
-and multipliers held fixed, so none of that needs a derivative.
+The weights are the best ones for the predicted log of the motion, found by linear programs outside
+JAX. By the envelope theorem, the gradient of the least error is that of its Lagrangian with weights
+and multipliers held fixed, so that neither needs a derivative.
 """
 
 from typing import Any
@@ -30,23 +30,27 @@ from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.worst_case import affine_worst_case_error, bias, infinity
 
-# of the largest relative error, in units of smoothing: were it as sharp as the jumps of δ, a polish
-# would stall where two parameters tie
+# rounding of the maximum over parameters, in units of the smoothing of jumps: with less of it, a
+# refinement would stall where the errors of two parameters are equal
 _CORNER = 30.0
 
 
 class GuaranteedError(eqx.Module):
-    """The log of the largest guaranteed error, each parameter's relative to its own target.
+    """The log of the largest predicted guaranteed error, relative to the target of each parameter.
 
     Attributes:
-        system: with the prior box.
-        narrow: the system with the box that the log is expected to leave, for its brackets. Its δ
-            may be a `NearbyVelocityBound` one, so that no jump of it is relied upon.
-        log_model: of the log.
-        targets: of the m parameters, in their units; inf leaves one out.
-        speed: m/s or rad/s, over which jumps are spread at smoothing 1.
-        largest: of the relative errors; or else their sum, so that 1/targets are weights.
-        knots: of the modulating functions.
+        system: axis with its prior box and disturbance bound δ.
+        narrow: system with the box that the log is predicted to leave, for the bounds of its
+            states. Its δ may be a `NearbyVelocityBound`, so that no jump of δ is exploited.
+        log_model: predicted log as a function of the motion.
+        targets: targets of the m parameters, in their units; inf leaves a parameter out.
+        speed: speed over which jumps are spread at smoothing 1, m/s or rad/s.
+        largest: True, the default, for the largest relative error, False for their sum, in which
+            1/targets are weights.
+        knots: largest number of weights of the modulating functions.
+
+    Raises:
+        ValueError: if the targets are not m positive numbers, at least one of them finite.
     """
 
     system: System
@@ -61,20 +65,28 @@ class GuaranteedError(eqx.Module):
         require_targets(self.system, self.targets)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-        """With jumps spread and the largest rounded upwards; without smoothing neither is."""
+        """Return the log of the relative error; exact for zero smoothing.
+
+        With smoothing, jumps are spread and the maximum is rounded upwards.
+        """
         errors = self.errors(trajectory, smoothing)
         if not self.largest:
             return jnp.log(jnp.sum(errors / self.targets))
-        logs = jnp.log(errors) - jnp.log(self.targets)  # not of 0, whose log has no slope
+        logs = jnp.log(errors) - jnp.log(self.targets)  # errors / inf = 0: its log has no gradient
         corner = jnp.where(smoothing > 0, _CORNER * smoothing, 1.0)
         rounded = corner * jax.scipy.special.logsumexp(logs / corner)
         return jnp.where(smoothing > 0, rounded, jnp.max(logs))
 
     def errors(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " m"]:
-        """Of each parameter, with the slope of the least ones.
+        """Return the predicted guaranteed error of each parameter, with its gradient, shape (m,).
 
-        Without smoothing exactly what `guaranteed_intervals` gives for the nominal log, as far as
-        `narrow` is what that log leaves, with its own δ, and the knots are the same.
+        For zero smoothing it equals the bound of `guaranteed_intervals` for the predicted log, if
+        `narrow` is the box that this log leaves, with the same δ, and the number of weights is the
+        same.
+
+        Args:
+            trajectory: motion.
+            smoothing: smoothing parameter; 0 for the exact value.
         """
         logged = self._logged(trajectory, smoothing)
         half_widths = self.system.half_widths
@@ -91,7 +103,7 @@ class GuaranteedError(eqx.Module):
     def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> RegressionRows:
         log, states = self.log_model(trajectory)
         found = stop_gradient(state_bounds(self.narrow, stop_gradient(log)))
-        # ranges of fixed width that go along with what they are about
+        # ranges of fixed width whose midpoints have the gradient of the states
         y, v, a = (x + (at - stop_gradient(at)) for x, at in zip(found[:3], states, strict=True))
         found = StateBounds(y, v, a, found.reading)
         step = jnp.abs(states.acceleration) * log.period / 2
@@ -117,7 +129,12 @@ class GuaranteedError(eqx.Module):
 
 
 def require_targets(system: System, targets: Float[Array, "..."]) -> None:
-    """Refuse what no error can be compared with."""
+    """Raise a ValueError unless the targets are m positive numbers, at least one of them finite.
+
+    Args:
+        system: system with m parameters.
+        targets: targets of the errors, in the units of the parameters.
+    """
     if not is_concrete(targets):
         return
     right = jnp.shape(targets) == (len(system.names),)
@@ -130,21 +147,27 @@ def require_targets(system: System, targets: Float[Array, "..."]) -> None:
 
 
 class PredictedError(Criterion):
-    """The largest predicted guaranteed error, each relative to its own target.
+    """The criterion that is the largest predicted guaranteed error, relative to its target.
 
-    Predicted is the error bound that the log of the motion guarantees on an undisturbed axis in the
-    middle of its prior box, servo, encoder and prior box included. The log itself then decides
-    what is guaranteed.
+    Predicted is the error bound that the log of the motion guarantees on an undisturbed axis at the
+    centre of its prior box, with servo, encoder and prior box. The recorded log then determines the
+    guaranteed interval.
 
     Attributes:
-        system: with the prior box.
-        targets: what the error of each parameter is compared with, shape (m,), in their units; inf
-            leaves one out.
-        servo: sample period and resolution of the log.
-        controller: whose closed loop is expected; None for an axis that follows exactly.
-        velocity_error: of the axis, m/s or rad/s, that is allowed for where δ jumps with the speed.
-        largest: whether the largest of the relative errors counts; or else their sum, so that
+        system: axis with its prior box and disturbance bound δ.
+        targets: target of the error of each parameter, shape (m,), in their units; inf leaves a
+            parameter out.
+        servo: sample period and encoder resolution of the log.
+        controller: controller of the predicted closed loop; None, the default, for an axis that
+            follows the motion exactly.
+        velocity_error: velocity error of the axis that is allowed for where δ jumps with the speed,
+            m/s or rad/s.
+        largest: True, the default, for the largest relative error, False for their sum, in which
             1/targets are weights.
+
+    Raises:
+        ValueError: if the targets are not m positive numbers, at least one of them finite, or
+            `velocity_error` is below zero.
     """
 
     system: System
@@ -160,13 +183,18 @@ class PredictedError(Criterion):
 
     @property
     def start(self) -> LeastSquaresError:
-        """The criterion whose optimal motions are good starts: least squares, same targets."""
+        """The least-squares criterion whose optimal motions are good starts: same targets."""
         return LeastSquaresError(self.system, infinity(self.targets))
 
     def near(self, task: Task, motion: JerkTrajectory) -> GuaranteedError:
-        """The error as a function of motions near to this one.
+        """Return the predicted error as a function of motions near a given one.
 
-        Its log says how well the axis will be known, so that brackets of other logs are as tight.
+        The box that the log of this motion is predicted to leave is used for the states of nearby
+        motions.
+
+        Args:
+            task: task whose velocity limit scales the smoothing.
+            motion: motion near which the objective is used.
         """
         system, servo = self.system, self.servo
         log = nominal_log(system, motion, servo, self.controller)

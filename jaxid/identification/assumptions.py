@@ -1,4 +1,4 @@
-"""What guaranteed intervals assume, in sentences to print beside them."""
+"""The assumptions of guaranteed intervals, in sentences for reports."""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,12 +8,13 @@ from jaxid.model.system import System
 
 
 def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
-    """What the intervals from logs rest on: sentences to print beside them.
+    """Return the assumptions of the guaranteed intervals from logs, as sentences for reports.
 
     Args:
-        system: with the prior box.
-        logs: that were read, alone or together.
-        delay: periods until a command acts, which the logs count already.
+        system: axis with its prior box and disturbance bound δ.
+        logs: logs that the intervals were computed from.
+        delay: number of sample periods from a command until it acts; the logs already take it into
+            account.
 
     Example:
         >>> jd.assumptions(slide, log)[1]
@@ -44,7 +45,7 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
 
 
 def _of_the_servos(logs: Sequence[Log], length: str, delay: int) -> Iterator[str]:
-    """Of each servo once, with the largest jitter of its logs."""
+    """Yield the assumptions on each servo once, with the largest jitter of its logs."""
     jitters: dict[tuple[str, float], float] = {}
     for log in logs:
         servo = f"{float(log.period):.4g}", float(log.resolution) / 2

@@ -1,8 +1,8 @@
-"""Many or long logs in batches: one linear program for all of them would take minutes.
+"""Batches of many or long logs, for which one linear program would take minutes.
 
 Each batch is a linear program of its own, with the prior box that the batches before it leave. In
-the end the batches are processed once more together with fewer weights for each sample; of longer
-logs those batches that are most informative together.
+the end all batches are processed once more together, with fewer weights per sample; if the logs are
+too long for that, the batches that are most informative together.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,16 +18,16 @@ from jaxid.model.system import System
 
 
 class BatchSizes(NamedTuple):
-    """How much is processed at once. Numbers of samples (servo ticks), logs and weights.
+    """The sizes of the batches in which logs are processed: numbers of samples, logs and weights.
 
     Attributes:
-        samples: of a batch at most; its linear programs take about a second.
-        logs: of a batch at most.
-        together: samples at most that are processed together in the end.
-        knots: weights of a batch; ten times as many gain nothing of the motor's intervals.
-        knots_together: weights in the end.
-        finer: times as many weights when δ is tested: with fewer a smaller δ seems large enough, by
-            2 % for the motor.
+        samples: largest number of samples of a batch; its linear programs take about a second.
+        logs: largest number of logs of a batch.
+        together: largest number of samples that are processed together in the end.
+        knots: number of weights of a batch; ten times as many do not narrow the motor's intervals.
+        knots_together: number of weights when batches are processed together.
+        finer: factor of the number of weights in the test of δ; with fewer weights, the δ that is
+            needed is underestimated, by 2 % for the motor.
     """
 
     samples: int = 8192
@@ -42,11 +42,11 @@ SIZES = BatchSizes()
 
 
 def batches(logs: Sequence[Log], sizes: BatchSizes = SIZES) -> tuple[tuple[Log, ...], ...]:
-    """Logs in order, as many to a batch as fit; longer ones cut into equal parts.
+    """Return logs in batches, in their order, as many to a batch as fit; longer logs are cut.
 
     Args:
-        logs: of one axis.
-        sizes: of a batch.
+        logs: logs of one axis.
+        sizes: largest numbers of samples and logs of a batch.
     """
     found: list[tuple[Log, ...]] = []
     batch: tuple[Log, ...] = ()
@@ -59,13 +59,23 @@ def batches(logs: Sequence[Log], sizes: BatchSizes = SIZES) -> tuple[tuple[Log, 
 
 
 def knots_by_length(knots: int, logs: Sequence[Log]) -> tuple[int, ...]:
-    """A number of weights shared among logs by their lengths; two for each at least."""
+    """Return the number of weights of each log, in proportion to its length and at least two.
+
+    Args:
+        knots: number of weights of all logs together.
+        logs: logs of one axis.
+    """
     lengths = [_samples(log) for log in logs]
     return tuple(max(knots * own // sum(lengths), 2) for own in lengths)
 
 
 def samples_per_weight(knots: int, logs: Sequence[Log]) -> float:
-    """How many samples share a weight where logs share this number of weights."""
+    """Return the mean number of samples per weight.
+
+    Args:
+        knots: number of weights of all logs together.
+        logs: logs of one axis.
+    """
     return sum(map(_samples, logs)) / sum(knots_by_length(knots, logs))
 
 
@@ -75,16 +85,17 @@ def most_informative(
     sizes: BatchSizes = SIZES,
     first: Sequence[Log] | None = None,
 ) -> tuple[Log, ...]:
-    """The logs of as many batches as are processed together, most informative of all parameters.
+    """Return the logs of the batches that are most informative together, within the size limit.
 
-    One by one the batch is added that increases the determinant of the information matrix most
-    (D-optimality). No interval depends on this choice being a good one.
+    Batches are added one by one, each time the one that increases the determinant of the
+    information matrix most (D-optimality). The guarantee of the intervals does not depend on this
+    choice.
 
     Args:
-        system: its box and δ, with which each batch is consistent.
-        parts: the batches.
-        sizes: how many samples are processed together.
-        first: a batch that must be among them.
+        system: prior box and δ, with which each batch is consistent.
+        parts: batches of logs.
+        sizes: largest number of samples that are processed together.
+        first: batch that must be among the result; default none.
     """
     if sum(map(_length, parts)) <= sizes.together:
         return tuple(log for part in parts for log in part)
@@ -100,7 +111,7 @@ def most_informative(
 
 
 def _information(system: System, logs: Sequence[Log]) -> Float[np.ndarray, "m m"]:
-    """Σ φφᵀ/δ², its parameters in half-widths of the prior box."""
+    """Return Σ φφᵀ/δ², with parameters in half-widths of the prior box."""
     rows = rows_of_logs(system, logs).record.rows
     count = np.asarray(rows.measure) > 0
     phi = np.asarray(rows.regressors) * np.asarray(system.half_widths)
@@ -119,7 +130,7 @@ def _parts(log: Log, most: int) -> Iterator[Log]:
 
 
 def _samples(log: Log) -> int:
-    """Without padding."""
+    """Return the number of samples of a log without its padding."""
     return int(log.took_place().sum())
 
 

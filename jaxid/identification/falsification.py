@@ -1,4 +1,4 @@
-"""The smallest disturbance bound that is consistent with data, and proofs that less is not."""
+"""Falsification of the disturbance bound: proved lower bounds on the δ that data need."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -14,24 +14,27 @@ from jaxid.identification.regression_rows import RegressionRows, upper_ends
 from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 
-LEAST, MOST = 1e-3, 1e3  # factors of δ that are looked at
-_CLOSE = 1e-3  # relative, of the smallest one
-_COARSE = 1000  # knots, to begin with
-_WIDER = 1.03  # times the factor that few knots find: all find 2 or 3 % more of the motor's
+LEAST, MOST = 1e-3, 1e3  # smallest and largest factor of δ in the search
+_CLOSE = 1e-3  # relative accuracy of the factor
+_COARSE = 1000  # number of weights in the first search
+_WIDER = 1.03  # step beyond the factor of few weights: all find 2 or 3 % more for the motor
 _TINY = 1e-6
 
 
 def smallest_factor(
     rows: Callable[[Scalar], RegressionRows], knots: Knots = None, least: float = LEAST
 ) -> float:
-    """The largest s for which s·δ is proved not to explain the data; a thousandth more may do.
+    """Return a lower bound on the factor s with which s·δ can explain the data, to 0.1 %.
 
-    It is `MOST` if not even that does; then an input, a unit or a sign must be wrong.
+    Two results have a special meaning: `least`, if even least·δ may explain the data, so that
+    nothing is proved; and `MOST` (1000), if not even 1000·δ explains them, so that an input, a unit
+    or a sign is probably wrong.
 
     Args:
-        rows: the data as rows, with δ multiplied by a factor; for a log its brackets depend on it.
-        knots: of the weights, at most; default all rows.
-        least: where the search begins, and what is returned if already it may explain them.
+        rows: function that returns the data as regression rows, with δ multiplied by its argument;
+            for a log, the bounds of its states depend on it.
+        knots: largest number of weights; default one per row.
+        least: first factor of the search.
     """
 
     def needed(factor: float, count: Knots) -> float:
@@ -44,7 +47,7 @@ def smallest_factor(
 
     few = min(_COARSE, knots) if isinstance(knots, int) else knots or _COARSE
     low, high, n_low = least, least, np.inf
-    for count in dict.fromkeys((few, knots)):  # what few see, all would see
+    for count in dict.fromkeys((few, knots)):  # a proof with few weights is one with all
         while (n_high := needed(high, count)) > 1.0:
             if high == MOST:
                 return MOST
@@ -57,13 +60,16 @@ def smallest_factor(
 def smallest_disturbance_factor(
     system: System, logs: Sequence[Log], knots: Knots = None, least: float = LEAST
 ) -> float:
-    """`smallest_factor` of the δ of a system, for logs of it: above 1 they contradict it.
+    """Return a proved lower bound on the factor of δ that logs need; above 1 they are inconsistent.
+
+    The result is `least` if nothing is proved, and `MOST` (1000) if not even 1000·δ explains the
+    logs.
 
     Args:
-        system: its box and δ.
-        logs: of one axis.
-        knots: of the weights, at most, for each log; default all rows.
-        least: what is returned if already it may explain them.
+        system: axis with its prior box and disturbance bound δ.
+        logs: logs of one axis.
+        knots: largest number of weights per log; default one per row.
+        least: first factor of the search.
     """
     return smallest_factor(
         lambda s: rows_of_logs(system.with_scaled_disturbance(s), logs), knots, least
@@ -73,14 +79,14 @@ def smallest_disturbance_factor(
 def _closed_in(
     needed: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
 ) -> tuple[float, float]:
-    """Factors a thousandth apart, of which one does not explain the data and the other may.
+    """Return two factors of δ 0.1 % apart: the lower does not explain the data, the upper may.
 
-    By turns: a false position on logarithms, a step next to it, and a bisection.
+    The search alternates between false position on logarithms, a step next to it, and bisection.
 
     Args:
-        needed: of a factor, how much more of δ it would take.
-        low: a factor that does not, and what it would take.
-        high: a factor that does, likewise.
+        needed: function that returns the further factor of δ that is needed at a factor.
+        low: factor that does not explain the data, and the further factor needed.
+        high: factor that may explain the data, and the further factor needed.
     """
     step, moved = 0, high
     while high[0] > low[0] * (1 + _CLOSE):
@@ -99,7 +105,15 @@ def _closed_in(
 def needed_factor(
     logged: RegressionRows, program: Program, misfit: Float[np.ndarray, " n"]
 ) -> float:
-    """What δ must be multiplied by, at least, proved by one row of weights."""
+    """Return a lower bound on the factor of δ that data need, proved by one vector of weights.
+
+    It is 0 if the program has no solution.
+
+    Args:
+        logged: data as regression rows.
+        program: linear program of the rows.
+        misfit: u − Φ·centre of the rows, shape (n,), in the unit of the input.
+    """
     weights = jnp.asarray(program.contradicting(misfit))[None]
     nothing = jnp.zeros((1, program.half_widths.size))
     end, disturbed = upper_ends(logged, weights, jnp.asarray(misfit), nothing)

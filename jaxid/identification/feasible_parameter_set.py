@@ -1,13 +1,14 @@
-"""After the experiment: every θ that the data leave possible, and whether they leave any.
+"""The feasible parameter set: all θ in the prior box that are consistent with the data.
 
-For any weights g and any θ that can have left the data
+For any weights g and any θ that is consistent with the data
 
-    cᵀθ ≤ cᵀcentre + gᵀ(u − Φ·centre) + guaranteed error of g (`log_rows`).
+    cᵀθ ≤ cᵀcentre + gᵀ(u − Φ·centre) + worst-case error of g (`upper_ends`).
 
-This holds for all g at once, so they may be chosen with the data known: the smallest such upper end
-is a linear program, and by its duality the largest cᵀθ of the feasible set (M. Milanese and A.
-Vicino, "Optimal Estimation Theory for Dynamic Systems with Set Membership Uncertainty", 1991). Each
-number is computed from its weights; no tolerance of a solver is in it.
+This holds for all g at once, so they may be chosen after the data are known: the smallest such
+upper end is a linear program, and by its duality the largest cᵀθ of the feasible set (M. Milanese
+and A. Vicino, "Optimal Estimation Theory for Dynamic Systems with Set Membership Uncertainty",
+1991). Each end is computed from its weights, so that it does not depend on the tolerance of a
+solver.
 """
 
 from collections.abc import Sequence
@@ -24,15 +25,15 @@ from jaxid.identification.regression_rows import ROUNDED, RegressionRows, upper_
 from jaxid.loop.log import InconsistentLogError
 from jaxid.regression.estimate import Estimate
 
-_DIRECTIONS = 48  # of a projection
+_DIRECTIONS = 48  # edges of a projection
 
 
 class FeasibleSet(NamedTuple):
-    """The smallest box around all θ that can have left the data.
+    """A box that contains the feasible parameter set: all θ that are consistent with the data.
 
     Attributes:
-        lower: ends of the intervals, shape (m,).
-        upper: shape (m,).
+        lower: lower ends of the intervals, shape (m,), in the units of the parameters.
+        upper: upper ends of the intervals, shape (m,), in the units of the parameters.
     """
 
     lower: Float[Array, " m"]
@@ -42,15 +43,16 @@ class FeasibleSet(NamedTuple):
 def feasible_set(
     logged: RegressionRows, others: Sequence[Estimate] = (), knots: Knots = None
 ) -> FeasibleSet:
-    """All θ of the box that can have left the data, parameter by parameter.
+    """Return intervals that contain all θ of the prior box that are consistent with the data.
 
     Args:
-        logged: a log as rows, or a Record.
-        others: estimates whose intervals are intersected as well: the set is never wider than any.
-        knots: of the weights, at most; default all rows.
+        logged: data as regression rows, with their system.
+        others: estimates whose intervals are intersected with the result.
+        knots: largest number of weights; default one per row, which gives the tightest intervals.
 
     Raises:
-        InconsistentLogError: if no θ of the box is consistent with the data.
+        InconsistentLogError: if no θ of the prior box is consistent with the data, or the
+            intersection with `others` is empty.
     """
     system = logged.system
     program, misfit = program_of(logged, knots)
@@ -64,7 +66,7 @@ def feasible_set(
     axes = np.eye(len(system.names))
     upper = _ends(logged, program, misfit, axes)
     lower = -_ends(logged, program, misfit, -axes)
-    # as an end of the box is computed from its centre, it may miss it by a last bit
+    # centre ± half-width may differ from an end of the box in the last bit
     close = ROUNDED * system.half_widths
     lower = jnp.where(lower <= system.lower + close, system.lower, lower)
     upper = jnp.where(upper >= system.upper - close, system.upper, upper)
@@ -83,7 +85,17 @@ def feasible_set(
 def projection(
     logged: RegressionRows, one: str, other: str, knots: Knots = None
 ) -> Float[np.ndarray, "directions 2"]:
-    """Corners of a polygon that holds the feasible set seen in the plane of two parameters."""
+    """Return a polygon that contains the projection of the feasible set onto two parameters.
+
+    Args:
+        logged: data as regression rows, with their system.
+        one: name of the first parameter.
+        other: name of the second parameter.
+        knots: largest number of weights; default one per row.
+
+    Returns:
+        Its 48 corners, one (one, other) pair per row, in the units of the parameters.
+    """
     system = logged.system
     program, misfit = program_of(logged, knots)
     pair = np.array([system.index(one), system.index(other)])
@@ -104,7 +116,7 @@ def _ends(
     misfit: Float[np.ndarray, " n"],
     functionals: Float[np.ndarray, "k m"],
 ) -> Float[Array, " k"]:
-    """Upper ends for Cθ; the box's own where the program finds none."""
+    """Return the upper ends of Cθ; those of the prior box where the program has no solution."""
     weights = np.stack([program.least(c, misfit)[0] for c in functionals])
     return upper_ends(logged, jnp.asarray(weights), jnp.asarray(misfit), jnp.asarray(functionals))[
         0

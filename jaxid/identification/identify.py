@@ -31,25 +31,26 @@ from jaxid.regression.estimate import Estimate
 
 Directions = dict[str, Float[np.ndarray, " m"]]
 Report = Callable[[str], None]
-_UNCHANGED = 1e-6  # of a prior interval: one that has shrunk by less has not shrunk
-_FAR_FROM_ONE = 0.5  # a factor that a finer test does not raise above 1
+_UNCHANGED = 1e-6  # relative: an interval that shrinks by less counts as unchanged
+_FAR_FROM_ONE = 0.5  # a factor below this is not raised above 1 by more weights
 
 
 class Identification(NamedTuple):
     """Guaranteed parameter intervals from logs that are consistent with a system.
 
     Attributes:
-        system: with the prior box and δ that the intervals assume.
-        lower: lower ends of the tightest guaranteed intervals, shape (m,): the interval hull of all
-            θ in the prior box that are consistent with the logs.
-        upper: their upper ends, shape (m,).
-        estimate: by a fixed linear estimator, θ̂ ± bound; its intervals contain `lower` … `upper`.
-        disturbance_factor: the logs are proved to need a disturbance of at least this multiple of
-            δ, at most 1; `LEAST` (0.001) stands for no such proof.
+        system: axis with the prior box and δ that the intervals assume.
+        lower: lower ends of the guaranteed intervals, shape (m,), in the units of the parameters;
+            the intervals contain all θ in the prior box that are consistent with the logs.
+        upper: upper ends of the guaranteed intervals, shape (m,), in the units of the parameters.
+        estimate: estimate θ̂ ± bound of a fixed linear estimator; its intervals contain the
+            guaranteed ones.
+        disturbance_factor: proved lower bound, at most 1, on the factor of δ that the logs need;
+            0.001 if there is no such proof.
         unidentifiable: for each parameter whose prior interval the logs cannot narrow, a direction
             ν, shape (m,): centre ± ν explain the same logs and span this interval.
-        batches: how many batches the logs were processed in.
-        samples_per_weight: how many samples share a weight of the estimators, at most.
+        batches: number of batches in which the logs were processed.
+        samples_per_weight: largest mean number of samples per estimator weight of any batch.
     """
 
     system: System
@@ -69,24 +70,25 @@ def identify(
     sizes: BatchSizes = SIZES,
     report: Report = lambda message: None,
 ) -> Identification:
-    """Guaranteed intervals for every parameter, from one log or several logs of one axis.
+    """Return guaranteed intervals of every parameter, from one or several logs of one axis.
 
-    The intervals contain the true parameters of every axis that keeps the assumptions, which
-    `jaxid.assumptions(system, *logs)` states: θ in the prior box, |Δ| ≤ δ at all times, an input
-    that is held as logged, and positions read to half the resolution. First δ is tested: logs that
-    are proved to need a larger one are refused.
+    The intervals contain the true parameters if the assumptions hold that
+    `jaxid.assumptions(system, *logs)` lists: θ in the prior box, |Δ| ≤ δ at all times, an input
+    that is held as logged (zero-order hold), and positions read to half the encoder resolution. The
+    disturbance bound is tested first: logs that are proved to need a larger δ raise an error.
 
     Args:
-        system: the model with its prior box and its disturbance bound δ.
-        logs: what the servo recorded; periods and encoders may differ from log to log. Of any
-            length: longer ones are processed in batches.
-        sizes: of the batches.
-        report: called with what is being computed.
+        system: axis with its prior box and disturbance bound δ.
+        logs: one log or several logs of any length; sample periods and encoders may differ. Long
+            logs are processed in batches.
+        sizes: sizes of the batches.
+        report: function that is called with the name of each step as it begins.
 
     Raises:
         InconsistentLogError: if no θ of the prior box explains the logs with |Δ| ≤ δ. Its
             `factor` is a lower bound on the multiple of δ that would be needed.
-        ValueError: if the logs are not float64, or too short.
+        ValueError: if there is no log, if the system or a log is not float64, or if the logs are
+            too short.
 
     Example:
         >>> found = jd.identify(slide, log)
@@ -119,7 +121,7 @@ def identify(
 
 
 class _Progress:
-    """What is known after some batches."""
+    """The state of an identification after some batches."""
 
     def __init__(self, system: System, sizes: BatchSizes, count: int) -> None:
         self.system = system
@@ -157,7 +159,7 @@ class _Progress:
         self._narrow(logs, sizes.knots, report)
 
     def process_together(self, report: Report) -> None:
-        """All batches at once, or the most informative ones, if nothing contradicts the system."""
+        """Process all batches at once, or the most informative ones, if they are consistent."""
         if not self.consistent:
             return
         logs = most_informative(self._with_room, self.parts, self.sizes)
@@ -166,7 +168,7 @@ class _Progress:
             self._look(logs, self.sizes.knots_together)
 
     def result(self) -> Identification:
-        """Of all batches.
+        """Return the result of all batches.
 
         Raises:
             InconsistentLogError: if they contradict the system.
@@ -195,7 +197,7 @@ class _Progress:
         )
 
     def _narrow(self, logs: Sequence[Log], knots: int, report: Report) -> None:
-        """The box by some logs, as long as nothing contradicts the system."""
+        """Narrow the box by some logs, as long as nothing contradicts the system."""
         if not self.consistent:
             return
         weights = knots_by_length(knots, logs)
@@ -206,11 +208,11 @@ class _Progress:
             left = feasible_set(found.rows, [found.estimate], weights)
             self.estimates.append(found.estimate)
             self.known = narrowed_to(self.known, left.lower, left.upper)
-        except InconsistentLogError as error:  # intervals can show what the test of δ did not
+        except InconsistentLogError as error:  # more than the test of δ has found
             self._refuse(str(error))
 
     def _refuse(self, sentence: str) -> None:
-        """None of several batches may contradict the system by itself: then test them together."""
+        """Note an inconsistency, and test δ with several batches together if there are any."""
         self.refusal = sentence
         if len(self.parts) > 1:
             self.refusal = (
@@ -227,7 +229,7 @@ class _Progress:
         return self.system.with_scaled_disturbance(max(1.0, 1.01 * self.factor))
 
     def _look(self, logs: Sequence[Log], knots: int) -> None:
-        """Keep what neither these logs nor those before identify."""
+        """Keep the directions that neither these logs nor those before identify."""
         rows = rows_of_logs(self._with_room, logs)
         now = unidentifiable_directions(rows, knots_by_length(knots, logs))
         before = now if self.unidentifiable is None else self.unidentifiable
@@ -235,6 +237,6 @@ class _Progress:
 
 
 def rounded_down(factor: float) -> float:
-    """To three digits downwards: a lower bound stays one."""
+    """Return a number rounded down to three significant digits; a lower bound remains one."""
     digits = 2 - floor(log10(factor))
     return floor(factor * 10**digits) / 10**digits

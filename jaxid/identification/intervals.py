@@ -1,7 +1,7 @@
-"""Guaranteed intervals of the parameters by one fixed linear estimator, encoder and servo included.
+"""Guaranteed intervals of the parameters by one fixed linear estimator, with encoder and servo.
 
-The weights are chosen without a look at the inputs. Data that contradict the disturbance bound are
-not recognised here: `jaxid.identify` tests that first.
+The weights are chosen without the inputs. Data that contradict the disturbance bound are not
+recognised here: `jaxid.identify` tests that first.
 """
 
 import functools
@@ -27,9 +27,10 @@ class GuaranteedIntervals(NamedTuple):
     """Intervals that contain θ if the logs are consistent with the system.
 
     Attributes:
-        estimate: by optimal modulating functions. Its box is the one that the pass before left, or
-            each of several logs, so that its intervals lie inside of everything known before.
-        rows: the regression rows of the last pass, for other estimators.
+        estimate: estimate by optimal modulating functions. Its prior box is the one left by the
+            pass before; of several logs, the intersection of the intervals of all and of each
+            alone.
+        rows: regression rows of the last pass, for other estimators.
     """
 
     estimate: Estimate
@@ -39,20 +40,21 @@ class GuaranteedIntervals(NamedTuple):
 def guaranteed_intervals(
     system: System, logs: Sequence[Log], knots: Knots = KNOTS
 ) -> GuaranteedIntervals:
-    """Intervals of θ from logs that are known to be consistent with the system.
+    """Return intervals of θ from logs that are known to be consistent with the system.
 
-    The smaller the box, the tighter the bounds of the motion behind a log, and a log makes the box
-    smaller: all logs are used together with the box that each of them leaves alone. No bound and no
-    interval is wider than that of any log alone. If |Δ| ≤ δ does not hold for the logs the
-    intervals are wrong, usually without a sign of it: `jaxid.identify` tests δ first.
+    A smaller box gives tighter bounds of the motion behind a log, and a log makes the box smaller:
+    all logs are used together with the box that each of them leaves alone. No bound and no interval
+    is wider than that of any log alone. If |Δ| ≤ δ does not hold for the logs, the intervals are
+    wrong, usually without any sign of it: `jaxid.identify` tests δ first.
 
     Args:
-        system: its prior box and δ, which the intervals assume.
-        logs: of one axis; their periods and encoders may differ.
-        knots: of the modulating functions, at most, for each log: one number, or one of each.
+        system: axis with the prior box and δ that the intervals assume.
+        logs: logs of one axis; sample periods and encoders may differ.
+        knots: largest number of weights per log: one number for all, or one per log.
 
     Raises:
         InconsistentLogError: if an interval is empty.
+        ValueError: if no log has two samples or more.
     """
     require(
         any(log.input.size > 1 for log in logs),
@@ -70,7 +72,7 @@ def guaranteed_intervals(
 def _passes(
     narrow: System, system: System, logs: Sequence[Log], knots: Knots
 ) -> GuaranteedIntervals:
-    """All logs as one set of rows, in passes that each begin with the box of the one before."""
+    """Return the intervals from all logs as one set of rows, by passes with smaller boxes."""
     found = _once(narrow, system, logs, knots)
     for _ in range(PASSES - 1):
         found = _once(narrowed(system, found.estimate), system, logs, knots)
@@ -85,7 +87,11 @@ def _once(narrow: System, system: System, logs: Sequence[Log], knots: Knots) -> 
 
 
 def tightest(found: Sequence[Estimate]) -> Estimate:
-    """For each parameter the estimate of the smallest bound; the box that all have in common."""
+    """Return for each parameter the estimate of the smallest bound, with the intersected boxes.
+
+    Args:
+        found: estimates of the same parameters.
+    """
     if len(found) == 1:
         return found[0]
     theta, bound = (jnp.stack(x) for x in zip(*((e.theta, e.bound) for e in found), strict=True))
@@ -94,7 +100,7 @@ def tightest(found: Sequence[Estimate]) -> Estimate:
 
 
 def narrowed(system: System, *found: Estimate) -> System:
-    """The system with the intersection of the intervals of all estimates for its box.
+    """Return the system with the intersection of the intervals of all estimates as its prior box.
 
     Raises:
         InconsistentLogError: if the intersection is empty.
@@ -103,7 +109,12 @@ def narrowed(system: System, *found: Estimate) -> System:
 
 
 def narrowed_to(system: System, lower: Float[Array, " m"], upper: Float[Array, " m"]) -> System:
-    """The system with another box.
+    """Return the system with another prior box.
+
+    Args:
+        system: axis.
+        lower: lower ends of the box, shape (m,), in the units of the parameters.
+        upper: upper ends of the box, shape (m,), in the units of the parameters.
 
     Raises:
         InconsistentLogError: if an interval is empty.

@@ -1,7 +1,7 @@
-"""Several logs of one axis as the rows of one.
+"""Several logs of one axis, joined to one set of regression rows.
 
-Between two logs stand rows that count nothing, as many as the longest stencil reaches, so that no
-error of the one's encoder meets one of the other's.
+Between two logs there are padding rows, as many as the longest stencil reaches, so that encoder
+errors of one log do not meet those of the other.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,30 +17,31 @@ from jaxid.loop.log import Log
 from jaxid.loop.record import Record, Rows
 from jaxid.model.system import System
 
-_BETWEEN = 2  # rows: a second difference reaches two further than the weights
+_BETWEEN = 2  # padding rows: a second difference reaches two rows beyond the weights
 
 
 def rows_of_logs(system: System, logs: Sequence[Log]) -> RegressionRows:
-    """Several logs of one axis as rows on hats, each with its own brackets.
+    """Return several logs of one axis as one set of regression rows, by hat functions.
 
     Args:
-        system: its box and δ.
-        logs: whose periods and encoders may differ.
+        system: axis with its prior box and disturbance bound δ.
+        logs: logs whose sample periods and encoders may differ.
 
     Raises:
-        ValueError: if no plant of the system can have left one of them.
+        InconsistentLogError: if no plant of the system can have produced one of the logs.
+        ValueError: if `logs` is empty, or a sample period is too long.
     """
     return join_rows([hats(system, log, state_bounds(system, log)) for log in logs])
 
 
 def join_rows(parts: Sequence[RegressionRows]) -> RegressionRows:
-    """All parts, one after the other.
+    """Return several sets of regression rows as one, with padding between them.
 
     Args:
-        parts: made in the same way, with the same system.
+        parts: sets of rows, made in the same way with the same system.
 
     Raises:
-        ValueError: if there are none, or they were not.
+        ValueError: if there are none, or they were made differently.
     """
     require(len(parts) > 0, "Argument `parts` must have one log at least, but is empty.")
     first, records = parts[0], [part.record for part in parts]
@@ -69,12 +70,12 @@ def join_rows(parts: Sequence[RegressionRows]) -> RegressionRows:
 
 
 def _spaced(parts: Sequence[Float[Array, "_"]], count: int, value: float) -> Float[Array, "_"]:
-    """One after the other, with some entries between any two of them."""
+    """Return arrays one after the other, with `count` entries of `value` between any two."""
     between = jnp.full(count, value)
     spaced = [x for part in parts for x in (between, part)]
     return jnp.concatenate(spaced[1:])
 
 
 def _channel(parts: Sequence[Channel]) -> Channel:
-    reach = parts[0].stencil.size - 1  # entries that there are more than rows
+    reach = parts[0].stencil.size - 1  # entries of the convolution minus rows
     return Channel(parts[0].stencil, _spaced([part.bound for part in parts], _BETWEEN - reach, 0.0))

@@ -1,4 +1,4 @@
-"""Least squares of a log as it is: a first estimate and what it leaves, without any bound."""
+"""Least squares of a log: a first estimate with its residual, without any bound."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,22 +11,24 @@ from jaxid._checks import require
 from jaxid.loop.log import Log
 from jaxid.model.system import System
 
-_LEAST = 5  # rows of a mean, so that the noise of second differences is small
-_PIECES = 10  # means of a log of the usual length, at least
-_APART = 1e-3  # a combination of columns of length one that is shorter is zero to a fit
-_PART = 0.01  # of such a combination, from which a parameter counts as one of it
+_LEAST = 5  # least samples of a mean, so that the noise of second differences is small
+_PIECES = 10  # least number of means of a log of median length
+_APART = 1e-3  # singular values of the normalised columns below this count as zero
+_PART = 0.01  # least component of a parameter in their singular vectors
 
 
 class LeastSquaresFit(NamedTuple):
-    """Means over some ticks each, k in all.
+    """A least-squares estimate from k rows, each the mean over some samples, with its residual.
 
     Attributes:
-        theta: the estimate, shape (m,); no bound goes with it.
-        shift: of it by a disturbance as large as the largest residual, at worst; shape (m,).
-        time: s, since the first tick of the first log, gaps left out; shape (k,) as the others.
-        position: m or rad.
-        velocity: m/s or rad/s.
-        residual: of the input, in its unit: u − φᵀθ.
+        theta: estimate, shape (m,), in the units of the parameters; it has no guaranteed bound.
+        shift: largest change of the estimate by a disturbance as large as the largest residual,
+            shape (m,), in the units of the parameters.
+        time: time of each row since the first sample of the first log, without the gaps between
+            logs, s, shape (k,).
+        position: position of each row, m or rad, shape (k,).
+        velocity: velocity of each row, m/s or rad/s, shape (k,).
+        residual: residual u − φᵀθ of each row, in the unit of the input, shape (k,).
     """
 
     theta: Float[np.ndarray, " m"]
@@ -38,17 +40,17 @@ class LeastSquaresFit(NamedTuple):
 
 
 def fit_least_squares(system: System, logs: Sequence[Log], means: int = 2000) -> LeastSquaresFit:
-    """The θ of least squares, whatever the box.
+    """Return the least-squares estimate of logs; the prior box is not used.
 
-    Velocities and accelerations are differences of positions, by the same stencil in all columns.
+    Velocities and accelerations are differences of positions, with one stencil for all columns.
 
     Args:
-        system: for its regressors.
-        logs: of one axis.
-        means: of rows, at most, that the fit is made of.
+        system: axis with its regressors.
+        logs: logs of one axis.
+        means: approximate number of rows for the fit, each the mean over some samples.
 
     Raises:
-        ValueError: if there are too few rows, or they cannot tell all parameters apart.
+        ValueError: if there are too few rows, or some parameters are not separately identifiable.
     """
     counts = [int(log.took_place().sum()) for log in logs]
     width = max(min(sum(counts) // means, int(np.median(counts)) // _PIECES), _LEAST)
@@ -77,7 +79,7 @@ def fit_least_squares(system: System, logs: Sequence[Log], means: int = 2000) ->
 
 
 def _means(system: System, log: Log, n: int, width: int) -> tuple[np.ndarray, ...]:
-    """Regressors, input, time, position and velocity of n ticks, one row per mean."""
+    """Return regressors, input, time, position and velocity of n samples, one row per mean."""
     h = float(log.period)
     y, u = log.position[: n + 1], log.input[:n]
     v = (y[2:] - y[:-2]) / (2 * h)

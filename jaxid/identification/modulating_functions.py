@@ -1,13 +1,14 @@
-"""Optimal modulating functions: the weights on hats with the least guaranteed error of a log.
+"""Optimal modulating functions: the weights on hat functions of least worst-case error for a log.
 
 For one parameter, or any functional c of θ, minimise over g
 
     Σ_k |g_k| δ_k + Σ channels + Σ_j b_j |c − Φᵀg|_j,
 
 a linear program. The bandwidth of a filter is a trade-off between disturbance and noise; here the
-program makes it, instant by instant. To keep it small g is piecewise linear between knots some
-ticks apart, so that its second differences, which turn into noise of ÿ, live at the knots. Whatever
-it returns, `guaranteed` says what it is worth.
+program makes it, instant by instant. To keep it small, g is piecewise linear between knots some
+samples apart, so that its second differences, which multiply the noise of ÿ, are zero between
+knots. The result of the solver need not be optimal: `guaranteed_estimate` gives the bound of any
+weights.
 """
 
 import functools
@@ -24,20 +25,23 @@ from jaxid.identification.regression_rows import RegressionRows
 from jaxid.regression.worst_case import Norm
 
 Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
-Knots = int | tuple[int, ...] | None  # of each log, at most: one number for all, or all its rows
+Knots = int | tuple[int, ...] | None  # most per log: one for all, one each, or one per row
 KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
 
 
 def modulating(
     logged: RegressionRows, box: Float[Array, " m"], norm: Norm | None = None, knots: Knots = KNOTS
 ) -> Float[Array, "k n"]:
-    """Weights on the rows of `hats`, one row of them per functional.
+    """Return the estimator weights of least worst-case error on rows made by `hats`.
 
     Args:
-        logged: by `hats`.
-        box: b, half the widths of the prior box, in the units of the parameters.
-        norm: the functionals; without one, the m parameters themselves.
-        knots: at most, of each log.
+        logged: regression rows of logs, made by `hats`.
+        box: half-widths b of the prior box, in the units of the parameters.
+        norm: functionals of θ to estimate; default the m parameters themselves.
+        knots: largest number of weights per log.
+
+    Returns:
+        One row of weights per functional, shape (k, n).
     """
     rows, half_widths = logged.record.rows, np.asarray(box)
     functionals = np.eye(half_widths.size) if norm is None else np.asarray(norm.functionals)
@@ -48,7 +52,11 @@ def modulating(
 
 
 def pieces(measure: Float[Array | np.ndarray, " n"]) -> Pieces:
-    """The rows of each log: what padding parts."""
+    """Return the first row of each log and the one after its last, where padding separates logs.
+
+    Args:
+        measure: measure of each row, zero for padding.
+    """
     counted = np.pad(np.asarray(measure) > 0, 1).astype(int)
     starts, stops = (np.flatnonzero(np.diff(counted) == sign) for sign in (1, -1))
     return tuple(zip(starts.tolist(), stops.tolist(), strict=True))
@@ -63,16 +71,18 @@ def optimal(
     knots: Knots,
     runs: Pieces | None = None,
 ) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k m"]]:
-    """Weights, and the multipliers ν of c − Φᵀg: what a change of Φ costs is −gν.
+    """Return the weights of least worst-case error, and the multipliers ν of c − Φᵀg.
+
+    A change dΦ of the regressors changes the error by −gᵀ dΦ ν.
 
     Args:
-        phi: regressors of the rows.
-        delta: of the rows.
-        noise: bounds of what second differences of the weights are multiplied by.
-        half_widths: of the prior box.
-        functionals: c.
-        knots: at most, of each log.
-        runs: the rows of each log; default all rows of one.
+        phi: regressors of the rows, shape (n, m).
+        delta: disturbance bound of the rows, in the unit of the input.
+        noise: bounds that multiply the second differences of the weights, shape (n + 2,).
+        half_widths: half-widths of the prior box, in the units of the parameters.
+        functionals: functionals c of θ, one per row.
+        knots: largest number of weights per log; None for one per row.
+        runs: first row of each log and the one after its last; default one log.
     """
     program = Program(phi, delta, noise, half_widths, knots, runs)
     found = [program.least(c) for c in functionals]
@@ -81,7 +91,7 @@ def optimal(
 
 
 class Program:
-    """The linear program of a log, in units of δ and of the prior; absolute values are slacks."""
+    """The linear program for the weights of a log, scaled by δ and the prior box."""
 
     def __init__(
         self,
@@ -92,7 +102,7 @@ class Program:
         knots: Knots,
         runs: Pieces | None = None,
     ) -> None:
-        """The arguments are those of `optimal`."""
+        """Prepare the program; the arguments are those of `optimal`."""
         whole = ((0, delta.size),)
         self.basis, kinks, second = _family(delta.size, whole if runs is None else runs, knots)
         self.half_widths = half_widths
@@ -105,15 +115,17 @@ class Program:
     def least(
         self, functional: Float[np.ndarray, " m"], misfit: Float[np.ndarray, " n"] | None = None
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " m"]]:
-        """The weights of the least guaranteed error of cᵀθ, or of the least upper end for it.
+        """Return the weights of least worst-case error of cᵀθ, or of the least upper end of cᵀθ.
 
         Args:
-            functional: c.
-            misfit: u − Φ·centre, for the upper end: its mean gᵀ(u − Φ·centre) counts as well.
+            functional: functional c of θ, shape (m,).
+            misfit: u − Φ·centre of the rows; if given, gᵀ(u − Φ·centre) + error is minimised, which
+                is the upper end.
 
         Returns:
-            g and the multipliers of c − Φᵀg; no weights where the program has no solution: the
-            prior remains.
+            The weights g, and the multipliers of c − Φᵀg. If the program has no solution, g is
+                zero, so
+            that the prior interval remains.
         """
         unit = np.abs(functional) @ self.half_widths
         tilt = np.zeros_like(self.delta) if misfit is None else misfit @ self.basis / self.delta
@@ -123,10 +135,16 @@ class Program:
         return unit * self._weights(solution.x), self.half_widths * solution.eqlin.marginals
 
     def contradicting(self, misfit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """The weights that ask for the largest δ, Σ|g|δ ≤ 1; none where the solver gives up."""
+        """Return the weights that prove the largest necessary δ, with Σ|g|δ ≤ 1.
+
+        They are zero, and prove nothing, if the solver fails.
+
+        Args:
+            misfit: u − Φ·centre of the rows, shape (n,), in the unit of the input.
+        """
         tilt = misfit @ self.basis / self.delta
         solution = self._solved(0.0, tilt, np.zeros_like(self.half_widths), most=1.0)
-        if solution.x is None:  # of data far out of scale: then nothing is contradicted
+        if solution.x is None:  # data far out of scale: nothing is proved
             return np.zeros(self.basis.shape[0])
         return self._weights(solution.x)
 
@@ -149,7 +167,7 @@ class Program:
         if most is not None:
             above.append(sparse.csr_array(np.arange(2 * count + noisy + 2 * m)[None] < 2 * count))
             limit = np.append(limit, most)
-        # a sparse A_ub is welcome there, whatever its stub says
+        # linprog accepts a sparse A_ub, although its stub does not
         return linprog(  # pyright: ignore[reportCallIssue]
             np.concatenate([price + tilt, price - tilt, np.ones(noisy + 2 * m)]),
             A_ub=sparse.vstack(above),  # pyright: ignore[reportArgumentType]
@@ -165,12 +183,13 @@ class Program:
 
 
 class _Family(NamedTuple):
-    """Piecewise linear weights: hat functions of coarse knots, zero outside of each log.
+    """Piecewise linear weights: hat functions of coarse knots, zero outside each log.
 
     Attributes:
-        basis: on the rows, which are the samples 1 … size; n × knots.
-        kinks: the samples, from 0 on and with two beyond the rows, where any of them turns.
-        second: their second differences there; kinks × knots.
+        basis: hat functions on the rows, which are the samples 1 … size; rows × knots.
+        kinks: samples, from 0 on and with two beyond the rows, at which any hat function has a
+            kink.
+        second: second differences of the hat functions there; kinks × knots.
     """
 
     basis: sparse.csr_array
@@ -201,7 +220,7 @@ def _family(size: int, runs: Pieces, knots: Knots) -> _Family:
 
 
 def _hats(start: int, count: int, size: int, most: int) -> sparse.csr_array:
-    """Of the knots of one log, whose rows begin at `start`."""
+    """Return the hat functions of the knots of one log, whose rows begin at `start`."""
     at = np.unique(np.linspace(0, count + 1, min(most, count) + 2).round())
     samples = np.arange(1, count + 1)
     left = np.searchsorted(at, samples, side="right") - 1  # the knot at or before
@@ -215,7 +234,12 @@ def _hats(start: int, count: int, size: int, most: int) -> sparse.csr_array:
 
 
 def program_of(logged: RegressionRows, knots: Knots) -> tuple[Program, Float[np.ndarray, " n"]]:
-    """What `modulating` solves, and u − Φ·centre."""
+    """Return the linear program of regression rows, and their u − Φ·centre.
+
+    Args:
+        logged: data as regression rows, with their system.
+        knots: largest number of weights per log; None for one per row.
+    """
     rows, system = logged.record.rows, logged.system
     channel = logged.channels.get("quantised ÿ")
     delta = np.asarray(rows.delta)

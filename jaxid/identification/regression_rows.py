@@ -1,14 +1,14 @@
-"""Rows made of a log, with everything that a log does not know inside their bound.
+"""Regression rows of a log, with all errors of its measurement inside their bound.
 
-Row k is (1) integrated against a test function of weight one. The regressors that are put into it
-are measured or bracketed ones, φ̂, so that
+Row k is (1) integrated against a test function of weight one. The regressors φ̂ of the row are
+measured, or midpoints of ranges, so that
 
     u_k = φ̂_kᵀθ + (φ − φ̂)_kᵀθ + Δ_k.
 
-What is bracketed row by row widens δ_k. Errors of the encoder are common to several rows, and there
-they nearly cancel: weights g turn them into Σ_l b_l |(S g)_l| with a short stencil S (a second
-difference of g for those of ÿ): the exact worst case over all |e_l| ≤ resolution/2, regressor by
-regressor.
+The ranges widen δ_k row by row. Errors of the encoder are common to several rows, in which they
+nearly cancel: weights g turn them into Σ_l b_l |(S g)_l| with a short stencil S (a second
+difference of g for those of ÿ). This is the exact worst case over all |e_l| ≤ resolution/2,
+regressor by regressor.
 """
 
 from collections.abc import Iterable
@@ -26,34 +26,34 @@ from jaxid.model.regressors import Viscous
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate, estimate
 
-# of a bound: far more than its sums lose by rounding; readings have theirs in `Log`
+# relative, added to a bound: far more than rounding of its sums; for readings see `Log`
 ROUNDED = 1e-9
 
 
 class Channel(NamedTuple):
-    """Errors that several rows share: Σ_l bound_l·|(stencil ∗ g)_l| at worst.
+    """Errors that several rows share: Σ_l bound_l·|(stencil ∗ g)_l| at worst, for weights g.
 
     Attributes:
-        stencil: convolved with the weights; its full length counts.
-        bound: one per entry of the result.
+        stencil: stencil that is convolved with the weights, at full length.
+        bound: error bound of each entry of the convolution.
     """
 
     stencil: Float[Array, " s"]
     bound: Float[Array, " l"]
 
     def worst(self, weights: Float[Array, "k n"]) -> Float[Array, " k"]:
-        """Of each row of weights."""
+        """Return the worst-case error of each row of weights, shape (k,)."""
         spread = [jnp.convolve(row, self.stencil) for row in weights]
         return jnp.abs(jnp.stack(spread)) @ self.bound
 
 
 class RegressionRows(eqx.Module):
-    """A log as rows.
+    """The regression rows of a log, with bounds of all errors of its measurement.
 
     Attributes:
-        system: with the box that its brackets and bounds come from.
-        record: measured regressors, inputs, and δ widened by what is bracketed row by row.
-        channels: errors of the sensor and of interpolation that rows share.
+        system: system whose prior box and δ the bounds assume.
+        record: measured regressors, inputs, and δ widened by the ranges of unmeasured regressors.
+        channels: errors of the encoder and of interpolation that several rows share, by name.
     """
 
     system: System
@@ -61,22 +61,27 @@ class RegressionRows(eqx.Module):
     channels: dict[str, Channel]
 
     def counted(self, weights: Float[Array, "k n"]) -> Float[Array, "k n"]:
-        """Without those of padding, whose rows say nothing, but which a stencil would meet."""
+        """Return the weights with zeros on padding rows."""
         return jnp.where(self.record.rows.counted, weights, 0.0)
 
     def shared(self, weights: Float[Array, "k n"]) -> Float[Array, " k"]:
-        """The worst of all channels."""
+        """Return the worst-case error by all shared errors together, for each row of weights."""
         return sum((c.worst(weights) for c in self.channels.values()), jnp.zeros(len(weights)))
 
 
 @eqx.filter_jit
 def hats(system: System, log: Log, found: StateBounds) -> RegressionRows:
-    """Test functions that are hats over two ticks: ÿ and ẏ from positions alone.
+    """Return the regression rows of a log with hat functions over two samples as test functions.
 
-    By parts ∫hat·ÿ is a second difference of positions, exactly, and ∫hat·ẏ a difference of two
-    means, which the trapezoid rule knows to h²/12·|ÿ|. The input is exact, but for jitter.
-    Weights on hats are a piecewise linear modulating function that vanishes at both ends (M.
-    Shinbrot, "On the Analysis of Linear and Nonlinear Systems", 1957).
+    By parts, ∫hat·ÿ is a second difference of positions, exactly, and ∫hat·ẏ a difference of two
+    means, which the trapezoid rule gives to h²/12·|ÿ|. The input is exact, but for jitter. Weights
+    on hats are a piecewise linear modulating function that vanishes at both ends (M. Shinbrot, "On
+    the Analysis of Linear and Nonlinear Systems", 1957).
+
+    Args:
+        system: axis with its prior box and disturbance bound δ.
+        log: log of inputs and positions.
+        found: bounds of the states during the log.
     """
     h, y = log.period, log.position
     middles, doubt = _bracketed(system, log, found)
@@ -97,10 +102,16 @@ def hats(system: System, log: Log, found: StateBounds) -> RegressionRows:
 
 @eqx.filter_jit
 def boxes(system: System, log: Log, found: StateBounds) -> RegressionRows:
-    """Boxes of one tick, velocities by backward differences: the paper's way, made honest.
+    """Return the regression rows of a log with box functions over one sample as test functions.
 
-    A backward difference is the mean velocity of the tick before: it lags the velocity at its end
-    by up to h/2·|ÿ|, whatever the encoder.
+    Velocities are backward differences, as in the paper, but with a bound of their errors: a
+    backward difference is the mean velocity of the sample period before, which differs from the
+    velocity at its end by up to h/2·|ÿ|.
+
+    Args:
+        system: axis with its prior box and disturbance bound δ.
+        log: log of inputs and positions.
+        found: bounds of the states during the log.
     """
     h, y = log.period, log.position
     middles, doubt = _bracketed(system, log, found)
@@ -121,10 +132,14 @@ def boxes(system: System, log: Log, found: StateBounds) -> RegressionRows:
 
 @eqx.filter_jit
 def guaranteed_estimate(logged: RegressionRows, weights: Float[Array, "m n"]) -> Estimate:
-    """The estimate by any weights, with a bound for the continuous-time plant behind the log.
+    """Return the estimate by any weights, with its worst-case error for the continuous-time plant.
 
-    It rests on θ in the box, |Δ| ≤ δ at all times, an input that is held over each tick as
-    commanded, positions read at the ticks to half a count, and on nothing else.
+    It assumes θ in the prior box, |Δ| ≤ δ at all times, an input held over each sample period as
+    commanded, positions read to half the encoder resolution, and nothing else.
+
+    Args:
+        logged: regression rows of a log, with their system.
+        weights: estimator weights, shape (m, n).
     """
     counted = logged.counted(weights)
     found = estimate(logged.record, logged.system, counted)
@@ -146,19 +161,19 @@ def _columns(
 
 
 def _measure(log: Log) -> Float[Array, " rows"]:
-    """Of rows of two ticks: zero unless both took place."""
+    """Return the measure of rows of two samples: zero unless both are part of the log."""
     return jnp.where(log.took_place()[1:], log.period, 0.0)
 
 
 def _mean(x: Float[Array, " n"]) -> Float[Array, " n-1"]:
-    """Over the two ticks of each hat."""
+    """Return the means over the two samples of each hat."""
     return (x[:-1] + x[1:]) / 2
 
 
 def _bracketed(system: System, log: Log, found: StateBounds) -> tuple[tuple[Motion, ...], Motion]:
-    """Middles of all regressors in each tick, and δ with what their ranges and jitter add to it.
+    """Return the midpoints of all regressors in each sample, and δ widened by ranges and jitter.
 
-    The ranges of ÿ and ẏ itself count nothing: these are measured.
+    The ranges of ÿ and ẏ do not widen δ, because these are measured.
     """
     ranges = system.force_ranges(found.position, found.velocity)
     delta = system.disturbance_bound.range(found.position, found.velocity).upper
@@ -169,7 +184,7 @@ def _bracketed(system: System, log: Log, found: StateBounds) -> tuple[tuple[Moti
 
 
 def _viscous(system: System) -> list[int]:
-    """Which regressors are ẏ."""
+    """Return the indices of the regressors that are ẏ."""
     return [j for j, term in enumerate(system.terms) if isinstance(term.regressor, Viscous)]
 
 
@@ -187,7 +202,21 @@ def upper_ends(
     misfit: Float[Array, " n"],
     functionals: Float[Array, "k m"],
 ) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-    """Of Cθ by rows of weights, at most that of the box; and what is due to δ in it."""
+    """Return upper ends of Cθ by given weights, and the part of them that is due to δ.
+
+    They hold for every θ of the prior box that is consistent with the data, and are never above
+    those of the box. A functional of zero gives gᵀ(u − Φ·centre) + error instead; if that is below
+    zero, the data are inconsistent.
+
+    Args:
+        logged: data as regression rows, with their system.
+        weights: estimator weights, one row per functional.
+        misfit: u − Φ·centre of the rows, shape (n,), in the unit of the input.
+        functionals: functionals C of θ, one per row.
+
+    Returns:
+        The upper ends and their parts Σ|g|δ, both of shape (k,).
+    """
     rows, system = logged.record.rows, logged.system
     taken = jnp.stack([weights @ column for column in rows.columns], axis=1)
     disturbed = jnp.abs(weights) @ rows.delta
@@ -195,6 +224,6 @@ def upper_ends(
     error = (disturbed + logged.shared(weights) + biased) * (1 + ROUNDED)
     box = jnp.abs(functionals) @ system.half_widths
     about = functionals @ system.centre
-    # without a functional there is no box to fall back to
+    # a functional of zero is not limited by the box
     least = jnp.where(box > 0, jnp.minimum(weights @ misfit + error, box), weights @ misfit + error)
     return about + least, disturbed

@@ -1,8 +1,8 @@
-"""What a log proves of the motion behind it: brackets from (1) alone.
+"""Bounds of the position, velocity and acceleration behind a log, from (1) alone.
 
-All of this is interval arithmetic on the plant equation with θ in the box and |Δ| ≤ δ, on the
-known inputs, and on positions that are known to half a count. Nothing is assumed of the motion: the
-limits of a reference say nothing about what the axis did.
+They are interval arithmetic on the plant equation with θ in the prior box and |Δ| ≤ δ, on the known
+inputs, and on positions that are known to half a count. Nothing is assumed of the motion: the
+limits of a reference do not bound the motion of the axis.
 """
 
 from collections.abc import Iterator
@@ -19,18 +19,20 @@ from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.system import System
 
-_WINDOW = 12  # ticks: positions farther apart say less about a velocity than nearer ones
-_PASSES = 4  # of velocity from acceleration and acceleration from velocity
+_WINDOW = 12  # samples: positions farther apart bound a velocity less than nearer ones
+_PASSES = 4  # iterations of velocity bounds from acceleration bounds and vice versa
 
 
 class StateBounds(NamedTuple):
-    """What the axis did during each of n ticks, at any instant of it.
+    """The ranges of position, velocity and acceleration of the axis during each of n samples.
+
+    They hold at every instant of a sample period.
 
     Attributes:
-        position: shape (n,), as the next two.
-        velocity: likewise.
-        acceleration: likewise.
-        reading: |position read − true one| at most at the n + 1 samples.
+        position: range of the position, m or rad, shape (n,).
+        velocity: range of the velocity, m/s or rad/s, shape (n,).
+        acceleration: range of the acceleration, m/s² or rad/s², shape (n,).
+        reading: largest |read − true| position at the n + 1 samples, m or rad.
     """
 
     position: Range
@@ -40,15 +42,15 @@ class StateBounds(NamedTuple):
 
 
 def state_bounds(system: System, log: Log) -> StateBounds:
-    """Position, velocity and acceleration of every plant of the system that leaves this log.
+    """Return ranges of position, velocity and acceleration for all plants that can produce a log.
 
     Args:
-        system: its box and δ; a box that was narrowed by the same log is as good.
-        log: of at least two ticks.
+        system: axis with its prior box and δ; the box may have been narrowed by the same log.
+        log: log of at least two samples.
 
     Raises:
-        InconsistentLogError: if no plant of the system can have left this log.
-        ValueError: if its period is too long for any bracket.
+        InconsistentLogError: if no plant of the system can have produced the log.
+        ValueError: if the sample period is too long to bound a velocity, or the log is not float64.
     """
     require_float64(log=log)
     found = _state_bounds(system, log)
@@ -76,7 +78,7 @@ def _state_bounds(system: System, log: Log) -> StateBounds:
     speed = _top_speed(system, log, mean)
     reading = log.reading_error(jnp.broadcast_to(speed, log.position.shape))
     position, acceleration = _within(system, log, around(speed), reading)
-    # in every tick the velocity is once the mean one
+    # in every sample period the velocity equals its mean at some instant
     reach = (reading[:-1] + reading[1:]) / h + h * abs(acceleration).upper
     velocity = where(known, mean + around(reach), around(speed))
     unread = jnp.where(jnp.append(True, known), 0.0, jnp.inf)
@@ -97,17 +99,17 @@ def _state_bounds(system: System, log: Log) -> StateBounds:
 
 
 def _around_samples(speed: Float[Array, " n"], top: Scalar) -> Float[Array, " samples"]:
-    """The higher of the ticks before and after each sample; at both ends the top speed."""
+    """Return the larger speed of the samples before and after each instant; the top at the ends."""
     inner = jnp.maximum(speed[:-1], speed[1:])
     return jnp.concatenate([top[None], inner, top[None]])
 
 
 def _top_speed(system: System, log: Log, mean: Float[Array, " n"]) -> Scalar:
-    """A V that the speed stays below, as long as jitter around the log; inf if none is found.
+    """Return a V that the speed stays below, during the log and its jitter; inf if none is found.
 
     Between two readings there is an instant with the mean velocity. As long as |ẏ| ≤ V from there
     on, |ÿ| is at most A(V), so |ẏ| at most mean + h·A(V): if that is below V, V is never reached.
-    With jitter there may be less time between two readings, and more until the next tick ends.
+    With jitter there may be less time between two readings, and more until the next sample ends.
     """
     h, jitter = log.period, log.jitter
     still = jnp.zeros(log.position.shape)
@@ -136,7 +138,14 @@ def _within(
 
 
 def accelerations(system: System, input: Range, position: Range, velocity: Range) -> Range:
-    """ÿ of (1) for all θ in the box, all |Δ| ≤ δ and all such inputs."""
+    """Return the range of ÿ by (1) for all θ in the prior box, all |Δ| ≤ δ and a range of inputs.
+
+    Args:
+        system: axis with its prior box and disturbance bound δ.
+        input: range of the input, in the unit of the input.
+        position: range of the position, m or rad.
+        velocity: range of the velocity, m/s or rad/s.
+    """
     inertia, *others = system.box
     forces = system.force_ranges(position, velocity)
     delta = system.disturbance_bound.range(position, velocity).upper
@@ -189,14 +198,14 @@ def _shifted(x: Float[Array, " k"], by: int, count: int, beyond: float) -> Float
 
 
 def _swept(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
-    """What each sample's velocity and the accelerations since or until then say of all others."""
+    """Return the velocities at the samples, narrowed by all others and the accelerations."""
     after = _swept_forward(at_samples, acceleration, h)
     backward = jax.tree.map(jnp.flip, -acceleration)
     return jax.tree.map(jnp.flip, _swept_forward(jax.tree.map(jnp.flip, after), backward, h))
 
 
 def _swept_forward(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
-    """The lowest of all v_j + h·Σ a from j on, and so on."""
+    """Return the velocities at the samples, narrowed by v_j + h·Σ a from every earlier sample j."""
     fallen, risen = (jnp.append(0.0, jnp.cumsum(x * h)) for x in acceleration)
     return Range(
         fallen + jax.lax.cummax(at_samples.lower - fallen),
@@ -205,7 +214,7 @@ def _swept_forward(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
 
 
 def _between(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
-    """During each tick: ẏ leaves the chord between its ends by at most h/4 of the range of ÿ."""
+    """Return the velocity during each sample: at most h/4 of the range of ÿ off its chord."""
     first = jax.tree.map(lambda end: end[:-1], at_samples)
     last = jax.tree.map(lambda end: end[1:], at_samples)
     return (first | last) + around(h / 2 * acceleration.half_width)

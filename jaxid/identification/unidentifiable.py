@@ -1,4 +1,4 @@
-"""Directions of the parameters that a motion cannot identify, whatever the data say."""
+"""Unidentifiable directions of the parameters: those of which the motion shows nothing."""
 
 import numpy as np
 from jaxtyping import Float
@@ -12,16 +12,17 @@ from jaxid.identification.regression_rows import RegressionRows
 def unidentifiable_directions(
     logged: RegressionRows, knots: Knots = None
 ) -> dict[str, Float[np.ndarray, " m"]]:
-    """What the motion behind the data cannot tell apart, whatever the data say.
+    """Return directions of the parameters that a motion cannot identify, whatever the inputs are.
 
     Args:
-        logged: rows that were made with the prior box.
-        knots: of the weights, at most; default all rows.
+        logged: regression rows made with the prior box.
+        knots: largest number of weights per log; default one per row.
 
     Returns:
-        For each parameter whose prior interval may remain whole, its name and the simplest
-        combination ν that goes unseen: centre + ν and centre − ν explain the same data, and they
-        are at both ends of this interval.
+        For each parameter whose prior interval may not be narrowed at all, its name and the
+            simplest
+        direction ν, shape (m,): centre + ν and centre − ν explain the same data and span this
+        interval.
     """
     program, _ = program_of(logged, knots)
     found = {name: _unseen(program, k) for k, name in enumerate(logged.system.names)}
@@ -29,9 +30,9 @@ def unidentifiable_directions(
 
 
 def _unseen(program: Program, index: int) -> Float[np.ndarray, " m"] | None:
-    """The simplest ν with ν_i = b_i that all weights leave possible; None if there is none.
+    """Return the simplest ν with ν_i = b_i that all weights leave possible; None if there is none.
 
-    In half-widths: |momentsᵀν − Sᵀe| ≤ 1 at every knot for some errors |e| ≤ 1 of the sensor.
+    In half-widths: |momentsᵀν − Sᵀe| ≤ 1 at every knot for some errors |e| ≤ 1 of the encoder.
     """
     (m, count), noisy = program.moments.shape, program.spread.shape[0]
     rows = sparse.hstack([program.moments.T, -program.moments.T, program.spread.T])

@@ -1,6 +1,6 @@
-"""A folder replaced as a whole: whoever is killed when, it is the old one or the new one.
+"""Replacement of a folder as a whole: after a crash at any moment it is the old or the new one.
 
-The new one is made beside the old one and takes its place in one step: `renameat2` of Linux with
+The new folder is made beside the old one and takes its place in one step: `renameat2` of Linux with
 RENAME_EXCHANGE. Where there is no such step (another system, NFS) the old one is renamed away and
 the new one in: between the two there is none, for an instant, or until the next reader or writer
 puts it back if the process is killed just then. Neither way is there ever a mixture of the two.
@@ -20,30 +20,42 @@ from pathlib import Path
 from jaxid.io.locks import alone_in
 from jaxid.io.manifest import MANIFEST, manifest_in
 
-# Beside a folder: one that is not finished or not needed, and one that was replaced. Only a process
-# that was killed leaves them, for the next one to tidy up.
+# Folders beside the one to write: an unfinished or obsolete one, and a replaced one. Only a process
+# that was killed leaves them; the next one removes them.
 _REFUSE, _OLD = "jaxid-new", "jaxid-old"
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2  # of linux/fcntl.h and linux/fs.h
-_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)  # the last: a sandbox
+_NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)  # EPERM: a sandbox
 
 
 def is_left_over(name: str) -> bool:
-    """Whether a folder of this name was left by a process that was killed."""
+    """Return whether a folder of this name was left by a process that was killed."""
     return name.startswith(".") and any(f".{kind}-" in name for kind in (_REFUSE, _OLD))
 
 
 @contextmanager
 def alone_and_tidy(folder: Path) -> Iterator[None]:
-    """While this process alone writes a folder; what killed ones left beside it is tidied up."""
+    """Lock a folder for this process, and remove what killed processes left beside it.
+
+    The lock is held inside the `with` block.
+
+    Args:
+        folder: absolute path, which need not exist; its parent must.
+
+    Raises:
+        TimeoutError: if another process holds the lock for more than 60 s.
+    """
     with alone_in(folder) as alone:
-        if alone:  # otherwise it may be somebody's who is writing
+        if alone:  # otherwise another process may be writing
             with suppress(OSError):
                 _tidy(folder)
         yield
 
 
 def recover(folder: Path) -> None:
-    """Put a folder back whose replacement was killed between the two renames.
+    """Put a folder back if the process that replaced it was killed between its two renames.
+
+    Args:
+        folder: absolute path.
 
     Raises:
         FileNotFoundError: if it must be put back by hand, since no folder can be locked here.
@@ -61,21 +73,21 @@ def recover(folder: Path) -> None:
 def exchange(
     folder: Path, files: Mapping[str, bytes], leave: Collection[str], *, fresh: bool
 ) -> None:
-    """Make a folder one of these files and of all that it holds already, but for some of that.
+    """Replace a folder by one with new files and all files that it holds already, except some.
 
-    What is carried over are the same files under another link, with their dates; folders in it are
-    made anew, with the same files.
+    Files that are kept are linked, with their dates; folders in it are made anew, with the same
+    files.
 
     Args:
-        folder: an absolute path; this process is `alone_and_tidy` there.
-        files: by name.
-        leave: names of what is not carried over.
-        fresh: there was no such folder when it was found that it may be written.
+        folder: absolute path, locked by `alone_and_tidy`.
+        files: content of the new files by name.
+        leave: names that are not kept.
+        fresh: whether the folder is expected not to exist.
 
     Raises:
-        FileExistsError: if there is one now.
-        OSError: if it cannot be done; the folder is the old one then, or the new one if all that
-            failed is to tidy up.
+        FileExistsError: if a folder is there now that was expected not to exist.
+        OSError: if the replacement fails. The folder is then the old one, or the new one if only
+            the removal of the old one failed.
     """
     new, old = _beside(folder, _REFUSE), _beside(folder, _OLD)
     try:
@@ -96,7 +108,7 @@ def exchange(
         raise
     _sync(folder.parent)
     if not fresh:
-        with suppress(OSError):  # then the next one does
+        with suppress(OSError):  # then the next process does
             _retire(old, folder)
 
 
@@ -128,7 +140,7 @@ def _swap(new: Path, folder: Path, old: Path) -> None:
 
 
 def _exchanged(one: Path, other: Path) -> bool:
-    """Whether two folders have changed places in one step; false if the system has none."""
+    """Exchange two folders in one step; return False if the system cannot."""
     if sys.platform != "linux":
         return False
     renameat2 = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
@@ -144,7 +156,7 @@ def _exchanged(one: Path, other: Path) -> bool:
 
 
 def _tidy(folder: Path) -> None:
-    """Do what killed processes left to do beside a folder."""
+    """Finish what killed processes left unfinished beside a folder."""
     for old in _left_over(folder, _OLD):
         if folder.exists():
             _retire(old, folder)
@@ -155,15 +167,15 @@ def _tidy(folder: Path) -> None:
 
 
 def _retire(old: Path, folder: Path) -> None:
-    """Remove what was replaced, after what a user put into it meanwhile."""
+    """Remove a replaced folder, after files that a user put into it meanwhile are rescued."""
     _rescue(old, folder)
     refuse = _beside(folder, _REFUSE)
-    old.rename(refuse)  # a half of it must not be taken for a folder that was replaced
+    old.rename(refuse)  # if removal is interrupted, the rest must not count as a replaced folder
     _remove(refuse)
 
 
 def _carry(old: Path, new: Path, leave: Collection[str] = ()) -> None:
-    """Put everything of one folder into another, too."""
+    """Link or copy everything of one folder into another."""
     for entry in old.iterdir():
         target = new / entry.name
         if entry.name in leave:
@@ -177,7 +189,7 @@ def _carry(old: Path, new: Path, leave: Collection[str] = ()) -> None:
 
 
 def _rescue(old: Path, new: Path) -> None:
-    """Move what the new folder has not, or has an older one of: a user was quick."""
+    """Move files to the new folder that it does not have, or has in an older version."""
     known = [manifest_in(place) for place in (old, new)]
     written = {MANIFEST}.union(*(one.files for one in known if one))
     for entry in old.iterdir():
@@ -191,7 +203,7 @@ def _rescue(old: Path, new: Path) -> None:
 
 
 def _link(old: Path, new: Path) -> None:
-    """The same file under another name; a copy where files have one name only."""
+    """Give a file a second name; copy it where the file system has no hard links."""
     try:
         os.link(old, new, follow_symlinks=False)
     except OSError:
@@ -205,7 +217,7 @@ def _is_folder(path: Path) -> bool:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """So that it is on the disk before its name is in the folder."""
+    """Write a file so that it is on the disk before its name is in the folder."""
     with path.open("wb") as file:
         file.write(data)
         file.flush()
@@ -213,7 +225,7 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _sync(path: Path) -> None:
-    """Have the names of a folder, or the bytes of a file, on the disk; Windows has no way to."""
+    """Flush the names of a folder, or the bytes of a file, to the disk; not on Windows."""
     if os.name == "nt":
         return
     descriptor = os.open(path, os.O_RDONLY)

@@ -1,7 +1,7 @@
 """Files out and in: CSV with 17 digits, JSON, netCDF; one file is written whole or not at all.
 
-What is made of data are bytes, so that all files of a result exist before the first one is written
-(`jaxid.io.results`).
+Functions that end in `_bytes` return the content of a file, so that all files of a result exist in
+memory before the first one is written (`jaxid.io.results`).
 """
 
 import csv
@@ -27,7 +27,12 @@ Cell = str | float | int | bool | None
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all; one that already has this content is left untouched."""
+    """Write a file whole or not at all; a file that already has this content is left untouched.
+
+    Args:
+        path: file to write; its folder is made if necessary.
+        data: content of the file.
+    """
     path = Path(path)
     if path.exists() and path.read_bytes() == data:
         return
@@ -44,7 +49,12 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def table_bytes(header: Sequence[str], rows: Iterable[Mapping[str, Cell]]) -> bytes:
-    """A CSV table; numbers keep the digits they have, None is an empty cell."""
+    """Return a CSV table; floats have up to 17 significant digits, None is an empty cell.
+
+    Args:
+        header: names of the columns.
+        rows: values of each row by column name.
+    """
     lines = [",".join(header)]
     for row in rows:
         lines.append(",".join(_cell(row[name]) for name in header))
@@ -52,27 +62,34 @@ def table_bytes(header: Sequence[str], rows: Iterable[Mapping[str, Cell]]) -> by
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Mapping[str, Cell]]) -> None:
-    """Write `table_bytes`."""
+    """Write a CSV table to a file; the arguments are those of `table_bytes`."""
     write_bytes(path, table_bytes(header, rows))
 
 
 def json_bytes(data: msgspec.Struct) -> bytes:
-    """A structure for other programs; numbers keep their digits, null stands for no finite one."""
+    """Return a structure as indented JSON; null stands for NaN and infinity."""
     return msgspec.json.format(msgspec.json.encode(data), indent=2) + b"\n"
 
 
 def read_table(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV table, as text."""
+    """Return the rows of a CSV file as text, by column name."""
     return table_in(path.read_bytes())
 
 
 def table_in(data: bytes) -> list[dict[str, str]]:
-    """The rows of a CSV table that was read already, as text."""
+    """Return the rows of a CSV table, given by its bytes, as text by column name."""
     return list(csv.DictReader(io.StringIO(data.decode(), newline="")))
 
 
 def trajectory_bytes(trajectory: JerkTrajectory, coordinate: str = "linear") -> bytes:
-    """A CSV table of knots; the jerk of a row holds until the next, and the last one is zero."""
+    """Return a motion as a CSV table with one row per knot.
+
+    The jerk of a row holds until the next row; the last jerk is zero.
+
+    Args:
+        trajectory: motion; padding is left out.
+        coordinate: "linear" (m) or "rotary" (rad), for the column names.
+    """
     trajectory = trimmed(trajectory)
     y, v, a = (np.asarray(x) for x in trajectory.knot_states())
     jerk = np.append(np.asarray(trajectory.jerk), 0.0)
@@ -84,17 +101,36 @@ def trajectory_bytes(trajectory: JerkTrajectory, coordinate: str = "linear") -> 
 
 
 def write_trajectory(path: Path, trajectory: JerkTrajectory, coordinate: str = "linear") -> None:
-    """Write `trajectory_bytes`."""
+    """Write a motion to a CSV file with one row per knot, see `trajectory_bytes`."""
     write_bytes(path, trajectory_bytes(trajectory, coordinate))
 
 
 def read_trajectory(path: Path, coordinate: str = "linear") -> JerkTrajectory:
-    """The motion that a file holds, from its times, its first state and its jerk alone."""
+    """Return the motion in a CSV file of `write_trajectory`.
+
+    Only its times, its first state and its jerk are used.
+
+    Args:
+        path: CSV file.
+        coordinate: "linear" (m) or "rotary" (rad), for the column names.
+
+    Raises:
+        ValueError: if the file has other columns, or its times are not equally spaced.
+    """
     return trajectory_in(path.read_bytes(), path, coordinate)
 
 
 def trajectory_in(data: bytes, path: Path, coordinate: str = "linear") -> JerkTrajectory:
-    """The motion of a file that was read already; its path is named if it holds none."""
+    """Return the motion in the bytes of a CSV file of `write_trajectory`.
+
+    Args:
+        data: content of the file.
+        path: name of the file, for error messages.
+        coordinate: "linear" (m) or "rotary" (rad), for the column names.
+
+    Raises:
+        ValueError: if the file has other columns, or its times are not equally spaced.
+    """
     rows = table_in(data)
     header = trajectory_header(coordinate)
     require(
@@ -114,26 +150,33 @@ def trajectory_in(data: bytes, path: Path, coordinate: str = "linear") -> JerkTr
 
 
 def trajectory_header(coordinate: str = "linear") -> tuple[str, ...]:
-    """Column names with units, e.g. velocity_m_s."""
+    """Return the column names of a trajectory table, with units, e.g. velocity_m_s.
+
+    Args:
+        coordinate: "linear" (m) or "rotary" (rad).
+    """
     unit = UNITS[coordinate]
     suffixes = (unit, f"{unit}_s", f"{unit}_s2", f"{unit}_s3")
     return ("time_s", *(f"{name}_{suffix}" for name, suffix in zip(STATES, suffixes, strict=True)))
 
 
 def dataset_bytes(dataset: xr.Dataset) -> bytes:
-    """NetCDF (HDF5), compressed without loss; the same data set makes the same bytes."""
+    """Return a data set as netCDF (HDF5), compressed without loss.
+
+    The same data set gives the same bytes.
+    """
     packed = {"zlib": True, "complevel": 9, "shuffle": True}
     encoding = dict.fromkeys(dataset.data_vars, packed)
     return bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
 def write_dataset(path: Path, dataset: xr.Dataset) -> None:
-    """Write `dataset_bytes`."""
+    """Write a data set to a netCDF file; a file that already has this content is left untouched."""
     write_bytes(path, dataset_bytes(dataset))
 
 
 def read_dataset(path: Path) -> xr.Dataset:
-    """A netCDF file, all of it."""
+    """Return the data set in a netCDF file, loaded into memory."""
     return xr.load_dataset(path, engine="h5netcdf")
 
 

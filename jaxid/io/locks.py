@@ -1,8 +1,8 @@
-"""One writer at a time for a folder, and for whatever is in it.
+"""Locks that let one process at a time write to a folder and everything in it.
 
-The locks are those of the kernel (`flock`) on the folders themselves: they end with the process
-that holds them, however it ends, and leave no file. Windows has none, and NFS none for folders: two
-processes that write to one folder there at the same time are not kept apart.
+They are those of the kernel (`flock`) on the folders themselves: they end with the process that
+holds them, however it ends, and leave no file. Windows has none, and NFS none for folders: there,
+two processes that write to one folder at the same time are not kept apart.
 """
 
 import errno
@@ -13,27 +13,26 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-SECONDS = 60.0  # of waiting: a folder is written within one
+SECONDS = 60.0  # longest wait; writing a folder takes much less
 _PAUSE = 0.01  # s
 _BUSY = (errno.EWOULDBLOCK, errno.EACCES)
 
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[bool]:
-    """While no other process that uses this replaces a folder, or anything in it.
+    """Lock a folder, so that no other user of this function replaces it or anything in it.
 
-    The folder and the one that it is in are locked for this process alone, those above together
-    with others: who replaces one of them waits. Locks are taken from above, so that nobody waits
-    for one who waits for her.
+    The folder and its parent are locked exclusively, the folders above shared: a process that
+    replaces one of those waits. Locks are taken from the top, so that there is no deadlock.
 
     Args:
-        folder: an absolute path, which need not exist; the folder that it is in must.
+        folder: absolute path, which need not exist; its parent must.
 
     Yields:
-        Whether this is so; false on a file system that locks no folder.
+        True if the folder is locked, False on a file system without locks of folders.
 
     Raises:
-        TimeoutError: if another process does not come to its end.
+        TimeoutError: if another process holds a lock for more than 60 s.
     """
     until, closest = time.monotonic() + SECONDS, (folder, folder.parent)
     while True:
@@ -43,7 +42,7 @@ def alone_in(folder: Path) -> Iterator[bool]:
                 for place in (*reversed(folder.parents), folder)
                 if place.is_dir()
             }
-            # while one was waited for, another folder may have come to its place
+            # during the wait, the folder may have been replaced
             if folder.is_dir() == (folder in held) and all(map(_still, held.values(), held)):
                 yield all(held[place] is not None for place in closest if place in held)
                 return
@@ -51,10 +50,10 @@ def alone_in(folder: Path) -> Iterator[bool]:
 
 @contextmanager
 def _locked(place: Path, until: float, *, alone: bool) -> Iterator[int | None]:
-    """A folder, as a descriptor; none if it cannot be locked."""
+    """Lock a folder and yield its descriptor; None if it cannot be locked."""
     try:
         descriptor = os.open(place, os.O_RDONLY)
-    except OSError:  # not to be read, or gone meanwhile; Windows opens no folder
+    except OSError:  # not readable, or removed meanwhile; Windows opens no folder
         yield None
         return
     try:
@@ -64,7 +63,7 @@ def _locked(place: Path, until: float, *, alone: bool) -> Iterator[int | None]:
 
 
 def _lock(descriptor: int, place: Path, until: float, *, alone: bool) -> bool:
-    """Wait for a lock; false if there are none."""
+    """Wait for a lock; return False if the system has none."""
     if sys.platform == "win32":
         return False
     import fcntl
@@ -86,7 +85,7 @@ def _lock(descriptor: int, place: Path, until: float, *, alone: bool) -> bool:
 
 
 def _still(descriptor: int | None, place: Path) -> bool:
-    """Whether a path is that of the folder that was locked."""
+    """Return whether a path still names the folder that was locked."""
     if descriptor is None:
         return True
     try:

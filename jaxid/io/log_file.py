@@ -16,21 +16,21 @@ from jaxid._checks import require
 _CHUNK = 1_000_000  # rows of a CSV file that are in memory as text at a time
 _HEAD = 200  # lines, at most, before the first row of numbers
 _BLANKS = r"\s+"
-_COMMENTS = ("#", "%")  # that the first of them may begin with; the names may, too
+_COMMENTS = ("#", "%")  # marks with which header lines may begin, the line of names too
 
 Column = str | int
 
 
 class Columns(NamedTuple):
-    """Which column of a file is what: its name, or its number from 1 on; and its unit.
+    """The columns of a log file, each by its name or its number from 1 on, with their units.
 
     Attributes:
-        position: of the axis.
-        input: as the servo commanded it.
-        time: default none: rows are one servo period apart.
-        position_unit: m or rad per unit of the column.
-        input_unit: unit of the axis' input per unit of the column.
-        time_unit: s per unit of the column.
+        position: column of the position of the axis.
+        input: column of the input as the servo commanded it.
+        time: column of the time; default none, for rows that are one sample period apart.
+        position_unit: m or rad per unit of the position column.
+        input_unit: unit of the axis' input per unit of the input column.
+        time_unit: s per unit of the time column.
     """
 
     position: Column
@@ -42,12 +42,12 @@ class Columns(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """Row by row, shapes (n,); a number that is missing in the file is not a number here.
+    """The n rows of a log file; a value that is missing in the file is NaN.
 
     Attributes:
-        time: s; none where the file has none.
-        position: m or rad.
-        input: in the unit of the axis' input.
+        time: time, s, shape (n,); None if the file has no such column.
+        position: position, m or rad, shape (n,).
+        input: input, in the unit of the axis' input, shape (n,).
     """
 
     time: Float[np.ndarray, " n"] | None
@@ -56,16 +56,17 @@ class Recorded(NamedTuple):
 
 
 def read_log(path: Path, columns: Columns) -> Recorded:
-    """The log in a file.
+    """Return the rows of a log file, in SI units.
 
     Args:
-        path: ending in .csv or .txt (with a header or without, numbers parted by commas,
-            semicolons, tabs or blanks), .mat (of any version; one variable per column, or one
-            matrix) or .h5, .hdf5 (likewise).
-        columns: of the file.
+        path: file that ends in .csv or .txt (with or without a header, numbers separated by commas,
+            semicolons, tabs or blanks), .mat (any version; one variable per column, or one matrix)
+            or .h5, .hdf5 (likewise).
+        columns: columns of the file and their units.
 
     Raises:
-        ValueError: if the file is not one, or lacks a column, in a sentence that names both.
+        ValueError: if the file is of another kind, cannot be read, lacks a column, or has columns
+            of different length.
     """
     ending = path.suffix.lower()
     require(
@@ -105,7 +106,7 @@ def _read_csv(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, " 
         dtype=float,
         chunksize=_CHUNK,
         encoding="utf-8-sig",
-        encoding_errors="replace",  # of units in the header
+        encoding_errors="replace",  # units in the header may be encoded otherwise
     )
     rows = pd.concat(list(parts))
     return [rows[place].to_numpy() for place in places]
@@ -128,9 +129,10 @@ def _layout(path: Path) -> tuple[int, list[str], str, str]:
 
 
 def _names(before: Sequence[str], separator: str, count: int) -> list[str]:
-    """The first line of so many fields, one in a comment only if there is no other; or numbers.
+    """Return the names of the columns: the first line with so many fields, or numbers.
 
-    A second line has the units; numbers in a comment, as those of a date, name nothing.
+    A comment line is used only if there is no other. A second line has the units; numbers in a
+    comment, such as a date, are no names.
     """
     for line in sorted(before, key=_is_comment):
         fields = _fields(line, separator)
@@ -173,7 +175,7 @@ def _is_number(field: str, decimal: str) -> bool:
 
 
 def _place(column: Column, names: Sequence[str]) -> int:
-    """From 0."""
+    """Return the index of a column, from 0."""
     if isinstance(column, int):
         require(
             1 <= column <= len(names),
@@ -189,7 +191,7 @@ def _read_mat(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, " 
         return _read_hdf5(path, wanted)
     try:
         found = loadmat(path)
-    except Exception as error:  # a broken file raises whatever its bytes lead to
+    except Exception as error:  # loadmat raises many kinds of errors for a broken file
         raise ValueError(f"no MAT file that can be read ({error}).") from None
     return _of_arrays({k: v for k, v in found.items() if not k.startswith("__")}, wanted)
 
@@ -209,7 +211,7 @@ def _read_hdf5(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, "
 def _of_arrays(
     arrays: Mapping[str, np.ndarray | h5py.Dataset], wanted: Sequence[Column]
 ) -> list[Float[np.ndarray, " n"]]:
-    """Whole arrays by name, or columns of the only matrix by number."""
+    """Return whole arrays by name, or columns of the only matrix by number."""
     return [_of_arrays_one(arrays, column) for column in wanted]
 
 

@@ -1,4 +1,4 @@
-"""Arrays and an `Axes` in, ink out; tables as text. The only matplotlib of the package."""
+"""Drawing of arrays on matplotlib axes, and tables as text; only this module imports matplotlib."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,13 @@ Array = Float[np.ndarray, "..."]
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[object]], title: str = "") -> str:
-    """Columns aligned for reading; numbers with four significant digits, None as a dash."""
+    """Return a table as aligned text; floats have four significant digits, None is a dash.
+
+    Args:
+        header: names of the columns.
+        rows: cells of each row.
+        title: line above the table; default none.
+    """
     cells = [list(header), *([_text(cell) for cell in row] for row in rows)]
     widths = [max(len(line[k]) for line in cells) for k in range(len(header))]
     lines = [
@@ -42,7 +48,13 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[object]], title: s
 def figure(
     rows: int = 1, columns: int = 1, size: tuple[float, float] = (7.0, 5.0)
 ) -> tuple[Figure, list[Axes]]:
-    """A figure that needs no display, and its panels in reading order."""
+    """Return a figure that needs no display, and its axes in reading order.
+
+    Args:
+        rows: number of rows of axes.
+        columns: number of columns of axes.
+        size: width and height of the figure, inches.
+    """
     canvas = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(canvas)
     panels = np.atleast_1d(canvas.subplots(rows, columns)).ravel()
@@ -53,19 +65,26 @@ def figure(
 
 
 def png(canvas: Figure) -> bytes:
-    """The bytes of a picture; the same drawing makes the same ones."""
+    """Return a figure as the bytes of a PNG; the same drawing gives the same bytes."""
     buffer = io.BytesIO()
     canvas.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
     return buffer.getvalue()
 
 
 def save(canvas: Figure, path: Path) -> None:
-    """Write a PNG whole or not at all; one that already has these bytes is left untouched."""
+    """Write a figure to a PNG file; a file that already has these bytes is left untouched."""
     write_bytes(path, png(canvas))
 
 
 def label(panel: Axes, x: str, y: str, title: str = "") -> None:
-    """Axis labels and title in sizes that survive halving."""
+    """Set the axis labels and the title of axes, in a size that is readable at half scale.
+
+    Args:
+        panel: axes to label.
+        x: label of the horizontal axis.
+        y: label of the vertical axis.
+        title: title; default none.
+    """
     panel.set_xlabel(x, fontsize=12)
     panel.set_ylabel(y, fontsize=12)
     if title:
@@ -73,7 +92,7 @@ def label(panel: Axes, x: str, y: str, title: str = "") -> None:
 
 
 def limit_lines(panel: Axes, interval: Sequence[float]) -> None:
-    """Both ends of an interval as dashed lines."""
+    """Draw both ends of an interval as dashed horizontal lines."""
     for end in interval:
         panel.axhline(end, color=GREY, linestyle="--", linewidth=1.2)
 
@@ -85,7 +104,15 @@ def motion(
     title: str,
     coordinate: str = "linear",
 ) -> None:
-    """Position, velocity and acceleration of a desired motion, with the rows of their limits."""
+    """Draw position, velocity and acceleration of a desired motion over time, with their limits.
+
+    Args:
+        panels: three axes to draw on.
+        trajectory: motion.
+        limits: rows (lower, upper) for position, velocity and acceleration.
+        title: title of the first axes.
+        coordinate: "linear" (m) or "rotary" (rad), for the labels.
+    """
     time = jnp.linspace(0.0, float(trajectory.duration), 2000)
     states = trajectory.states(time)
     unit = UNITS[coordinate]
@@ -101,7 +128,16 @@ def motion(
 def series(
     panel: Axes, time: Array, values: Array, y: str, colour: str = BLUE, title: str = ""
 ) -> None:
-    """One signal over time."""
+    """Draw one signal over time.
+
+    Args:
+        panel: axes to draw on.
+        time: times, s.
+        values: values of the signal.
+        y: label of the vertical axis.
+        colour: colour of the line.
+        title: title; default none.
+    """
     panel.plot(time, values, color=colour, linewidth=1.2)
     label(panel, "time (s)", y, title)
 
@@ -109,13 +145,13 @@ def series(
 def intervals(
     panel: Axes, names: Sequence[str], bars: Mapping[str, tuple[Array, Array]], truth: Array
 ) -> None:
-    """Intervals of several methods for several parameters, each in half-widths of the prior box.
+    """Draw the intervals of several methods for several parameters, and the true values.
 
     Args:
-        panel: to draw on.
-        names: of the parameters, from left to right.
-        bars: for each method the lower and upper ends, one per parameter.
-        truth: of each parameter.
+        panel: axes to draw on.
+        names: names of the parameters, from left to right.
+        bars: lower and upper ends for each method, one per parameter.
+        truth: true value of each parameter, on the same scale.
     """
     offsets = np.linspace(-0.25, 0.25, len(bars))
     for (name, (lower, upper)), offset, colour in zip(
@@ -136,14 +172,14 @@ def bars(
     highest: float,
     wanted: Array,
 ) -> None:
-    """Numbers of several kinds for several parameters.
+    """Draw several kinds of numbers as bars for several parameters.
 
     Args:
-        panel: to draw on.
-        names: of the parameters, from left to right.
-        kinds: for each kind a number per parameter.
-        highest: bars end there.
-        wanted: of each parameter, as a black line; inf for none.
+        panel: axes to draw on.
+        names: names of the parameters, from left to right.
+        kinds: for each kind one number per parameter.
+        highest: value at which higher bars are cut.
+        wanted: required value of each parameter, drawn as a black line; inf for none.
     """
     x, width = np.arange(len(names)), 0.8 / len(kinds)
     offsets = width * (np.arange(len(kinds)) - (len(kinds) - 1) / 2)
@@ -168,23 +204,24 @@ def heat_map(
     logarithmic: bool = False,
     ends: tuple[float, float] | None = None,
 ) -> None:
-    """A table as numbers on colours, from the smallest value (dark) to the largest.
+    """Draw a table as numbers on colours, from the smallest value (dark) to the largest.
 
-    Cells that were never run (NaN) are hatched, infinite ones black, those beyond `highest` orange.
+    NaN cells (not computed) are hatched, infinite ones black, those above `highest` orange.
 
     Args:
-        panel: to draw on.
-        values: one row per row of cells, from top to bottom.
-        rows: their names.
-        columns: the names of the columns.
-        number: how to write one.
-        highest: that is still in order.
-        logarithmic: whether equal ratios are equal steps of colour.
-        ends: of the colours, for several maps alike; default the extremes of the values.
+        panel: axes to draw on.
+        values: values of the cells, rows from top to bottom.
+        rows: names of the rows.
+        columns: names of the columns.
+        number: format string of a value.
+        highest: largest value that has an ordinary colour.
+        logarithmic: whether equal ratios of values are equal steps of colour.
+        ends: lowest and highest value of the colours, for several maps alike; default the extremes
+            of the values.
     """
     ordinary = values[np.isfinite(values) & (values <= highest)]
     if ends is None:
-        top = min(highest, 1.0)  # of colours that no value has
+        top = min(highest, 1.0)  # any ends, if no value is finite
         ends = (ordinary.min(), ordinary.max()) if ordinary.size else (top / 2, top)
     norm = (LogNorm if logarithmic else Normalize)(*ends)
     colours = colormaps["viridis"].with_extremes(over=ORANGE)

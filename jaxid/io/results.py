@@ -1,16 +1,16 @@
-"""Results as folders: what one run of a command writes is one thing, with a manifest, or nothing.
+"""Results as folders: one run of a command writes all its files, with a manifest, or none.
 
-A folder may hold what several commands wrote, each replaced by itself (`simulate` puts its files
-beside those of `design`): a part of it, in the words of `jaxid.io.manifest`. To write one, the
-folder is made anew and exchanged as a whole (`jaxid.io.exchange`):
+A folder may hold the results of several commands, each replaced by itself (`simulate` puts its
+files beside those of `design`): these are its parts, in the words of `jaxid.io.manifest`. To write
+one, the folder is made anew and exchanged as a whole (`jaxid.io.exchange`):
 
-- the files of that part, and a manifest that says so;
-- those of other parts as they are, unless they rest on what is replaced: what was simulated of a
-  motion goes with the motion;
-- all others: they are the user's, and stay, with the folders in it.
+- the files of that part, and a manifest that lists them;
+- those of other parts as they are, unless they were made from what is replaced: the simulation of a
+  motion is removed with the motion;
+- all others: they belong to the user and are kept, with the folders in it.
 
-Of two processes that write the same at the same time one comes first. The second is refused, or
-replaces what the first wrote if it is allowed to; of parts with different names both are kept.
+If two processes write the same part at the same time, one comes first. The second is refused, or
+replaces what the first wrote if it is allowed to; parts with different names are both kept.
 """
 
 from collections.abc import Collection, Mapping
@@ -23,25 +23,29 @@ from jaxid.io.exchange import alone_and_tidy, exchange, is_left_over, recover
 from jaxid.io.files import json_bytes
 from jaxid.io.manifest import MANIFEST, Manifest, Part, manifest_in, sha256
 
-_SHOWN = 5  # files that are named
+_SHOWN = 5  # files that an error message names
 
 
 def write_result(
     folder: Path, name: str, part: Part, files: Mapping[str, bytes], *, replace: bool = False
 ) -> Part:
-    """Write the files of a part, all of them or, if it fails or is killed, none.
+    """Write all files of a part of a folder; if it fails or is killed, none.
 
     Args:
-        folder: to write into; it may be new.
-        name: of the part.
-        part: what to say of it; its `files` are filled in.
-        files: by name.
-        replace: files that are there, and what rests on them.
+        folder: folder to write into; it may be new.
+        name: name of the part.
+        part: record of the run; its `files` are filled in.
+        files: content of the files by name.
+        replace: whether existing files may be replaced, with the parts made from them.
+
+    Returns:
+        The record of the run with the digests of its files.
 
     Raises:
-        ValueError: if something would be replaced that must not be, or a result that the part
-            rests on is not the one that was read any more.
-        OSError: if the disk refuses; the folder is what it was.
+        ValueError: if existing files would be replaced without `replace`, or a result that the part
+            was made from has changed since it was read.
+        TimeoutError: if another process writes to the folder for more than 60 s.
+        OSError: if the disk refuses; the folder is unchanged.
     """
     folder = folder.resolve()
     part = msgspec.structs.replace(part, files={file: sha256(x) for file, x in files.items()})
@@ -60,17 +64,17 @@ def write_result(
 
 
 def read_result(folder: Path, name: str) -> tuple[Part, dict[str, bytes]]:
-    """The files of a part, all as they were written.
+    """Return the record and the files of a part of a folder, if they are unchanged.
 
     Args:
-        folder: of a result.
-        name: of the part.
+        folder: folder of a result.
+        name: name of the part.
 
     Returns:
-        The part, and its files by name.
+        The record of the part, and the content of its files by name.
 
     Raises:
-        ValueError: if the folder has no such part, or one of its files was changed.
+        ValueError: if the folder has no such part, or one of its files was changed or removed.
     """
     recover(folder.resolve())
     while True:
@@ -89,15 +93,15 @@ def read_result(folder: Path, name: str) -> tuple[Part, dict[str, bytes]]:
 
 
 def require_writable(folder: Path, files: Collection[str], *, replace: bool) -> None:
-    """Refuse before a long computation what `write_result` would refuse after it.
+    """Raise an error before a long computation if `write_result` would raise one after it.
 
     Args:
-        folder: to write into.
-        files: names of what is to be written.
-        replace: what is there.
+        folder: folder to write into.
+        files: names of the files to write.
+        replace: whether existing files may be replaced.
 
     Raises:
-        ValueError: if files would be replaced that must not be, or the folder cannot be.
+        ValueError: if files would be replaced that must not be, or the folder cannot be replaced.
     """
     whole = folder.resolve()
     recover(whole)
@@ -122,7 +126,7 @@ def require_writable(folder: Path, files: Collection[str], *, replace: bool) -> 
 def _require_free(
     folder: Path, files: Collection[str], *, replace: bool, late: bool = False
 ) -> None:
-    """Refuse to replace files that are there, or to mix them with those of somebody else."""
+    """Raise an error if files would be replaced, or mixed with a user's, without permission."""
     there = [str(folder / name) for name in files if (folder / name).exists()]
     quicker = " If they are new, another run was quicker; nothing of this one was written."
     require(
@@ -141,12 +145,12 @@ def _require_free(
 
 
 def _is_own(path: Path) -> bool:
-    """Whether it is a folder of a result, or what is left of one."""
+    """Return whether a path is a folder of a result, or left by a killed process."""
     return path.is_dir() and (is_left_over(path.name) or manifest_in(path) is not None)
 
 
 def _require_unchanged(folder: Path, part: Part) -> None:
-    """Refuse to put something beside what it was not made from."""
+    """Raise an error if a result that a part was made from has changed since it was read."""
     for where, digest in part.results.items():
         place = folder / where
         known = manifest_in(place.parent)
@@ -159,7 +163,7 @@ def _require_unchanged(folder: Path, part: Part) -> None:
 
 
 def _part(folder: Path, name: str) -> Part:
-    """Of a folder, by its manifest."""
+    """Return the record of a part of a folder, by its manifest."""
     manifest = manifest_in(folder)
     if manifest is None:
         raise ValueError(
@@ -175,7 +179,7 @@ def _part(folder: Path, name: str) -> Part:
 
 
 def _kept(old: Manifest, name: str, part: Part) -> dict[str, Part]:
-    """The other parts, but for those that rest on something else than is there now."""
+    """Return the other parts, except those made from something that is replaced."""
     now = {**part.results, name: part.digest}
     return {
         other: one

@@ -1,4 +1,4 @@
-"""A recorded log cut into pieces whose rows are one period apart, each of them a `Log`."""
+"""Segments of a recorded log: each has rows one sample period apart, and is a `Log`."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -12,15 +12,21 @@ from jaxid._checks import require
 from jaxid.io.log_file import Recorded
 from jaxid.loop.log import JITTER, Log, filled
 
-_LEAST = 4  # ticks of a piece: fewer say hardly anything
-_CLOCKS = 0.01  # that two clocks may differ by
-_NEGLIGIBLE = 1e-6  # of a period
-_ROUNDINGS = 4  # of a stamp and of what is computed from it
-_SHAPES = 2  # lengths that are worth compiling for
+_LEAST = 4  # smallest number of samples of a segment
+_CLOCKS = 0.01  # relative difference that two clocks may have
+_NEGLIGIBLE = 1e-6  # of a period: rounding of time stamps that is ignored
+_ROUNDINGS = 4  # rounding errors of a time stamp and of its differences
+_SHAPES = 2  # number of different lengths that are compiled separately
 
 
 class Segment(NamedTuple):
-    """Rows `first` to `last` of a file, counted from 0, and what they are as a log."""
+    """A segment of a log file: consecutive rows that are one sample period apart.
+
+    Attributes:
+        first: first row in the file, from 0.
+        last: last row in the file, from 0.
+        log: these rows as a log.
+    """
 
     first: int
     last: int
@@ -34,20 +40,20 @@ def steady_segments(
     delay: int = 0,
     longest: int | None = None,
 ) -> tuple[Segment, ...]:
-    """All pieces whose time stamps miss equal steps by a tenth of the period at most.
+    """Return all segments of a log whose time stamps are equally spaced to a tenth of the period.
 
-    Where a row is missing, repeated, late or without a number, a piece ends and another begins. By
-    how much stamps miss equal steps is the jitter of a piece.
+    A segment ends, and another begins, where a row is missing, repeated, late or without a number.
+    The deviation of its time stamps from equal spacing is the jitter of a segment.
 
     Args:
-        recorded: a log.
-        period: of the servo, s.
-        resolution: of the encoder, m or rad.
-        delay: periods until a command acts.
-        longest: rows of a piece, at most; default any number.
+        recorded: rows of a log file.
+        period: sample period of the servo, s.
+        resolution: encoder resolution, m or rad.
+        delay: number of sample periods from a command until it acts.
+        longest: largest number of rows of a segment; default any number.
 
     Raises:
-        ValueError: if no piece is long enough, or the rows are not a servo period apart.
+        ValueError: if no segment is long enough, or the rows are not a sample period apart.
     """
     n = recorded.position.size
     time = np.arange(n) * period if recorded.time is None else recorded.time
@@ -68,7 +74,7 @@ def steady_segments(
         f"to {JITTER:.0%}; its {n} rows cannot be read as ticks of that servo.",
     )
     lengths = {piece.log.input.size for piece in found}
-    if len(lengths) > _SHAPES:  # else each would be compiled for
+    if len(lengths) > _SHAPES:  # pad, or each length would be compiled
         found = [piece._replace(log=filled(piece.log, _rung(piece.log))) for piece in found]
     return tuple(found)
 
@@ -88,14 +94,14 @@ def _require_clock(time: Float[np.ndarray, " n"], period: float) -> None:
 
 
 def _runs(close: Bool[np.ndarray, " steps"]) -> Iterator[tuple[int, int]]:
-    """First row and the one after the last, of rows that are close to the one before."""
+    """Yield the first row and the one after the last of all rows close to the one before."""
     edges = np.diff(np.pad(close, 1).astype(int))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     return zip(starts.tolist(), (stops + 1).tolist(), strict=True)
 
 
 def _cut(run: tuple[int, int], longest: int | None) -> Iterator[tuple[int, int]]:
-    """In equal parts; the tick between two of them counts for neither."""
+    """Yield equal parts of a run; the sample between two of them belongs to neither."""
     first, stop = run
     count = 1 if longest is None else -(-(stop - first) // longest)
     edges = np.linspace(first, stop, count + 1).round().astype(int).tolist()
@@ -103,7 +109,7 @@ def _cut(run: tuple[int, int], longest: int | None) -> Iterator[tuple[int, int]]
 
 
 def _straight(time: Float[np.ndarray, " n"], run: tuple[int, int]) -> Iterator[tuple[int, int]]:
-    """A run whole, or halved until its stamps are on straight lines to the jitter allowed."""
+    """Yield a run, halved until its stamps are equally spaced to the permitted jitter."""
     first, stop = run
     if stop - first > _LEAST:
         period, missed = _clock(time[first:stop])
@@ -116,9 +122,9 @@ def _straight(time: Float[np.ndarray, " n"], run: tuple[int, int]) -> Iterator[t
 
 
 def _clock(time: Float[np.ndarray, " n"]) -> tuple[float, float]:
-    """The period of stamps, and how far at most the instants that they stand for miss equal steps.
+    """Return the period of time stamps, and their largest deviation from equal spacing.
 
-    Rounding alone is no miss, unless stamps are so coarse that it may hide some.
+    Rounding alone is no deviation, unless stamps are so coarse that it may hide some.
     """
     ticks, since = np.arange(time.size) - (time.size - 1) / 2, time - time[0]
     period = float(ticks @ since / (ticks @ ticks))
@@ -139,19 +145,19 @@ def _piece(
     first, stop = part
     period, jitter = _clock(time[first:stop])
     position = jnp.asarray(recorded.position[first + delay : stop])
-    acting = jnp.asarray(recorded.input[first : stop - delay])  # the last one after the last tick
+    acting = jnp.asarray(recorded.input[first : stop - delay])  # one more than sample periods
     if jitter == 0:
         return Segment(first, stop - 1, Log(acting[:-1], position, period, resolution))
-    outer = jnp.stack([acting[0], acting[-1]])  # the tick of the first one lets an unknown one in
+    outer = jnp.stack([acting[0], acting[-1]])  # the first period may hold an unknown input
     log = Log(acting[1:-1], position[1:], period, resolution, jitter, outer)
     return Segment(first, stop - 1, log)
 
 
 def _rung(log: Log) -> int:
-    """The next power of two, from 32 on."""
+    """Return the next power of two of the length of a log, at least 32."""
     return max(32, 2 ** int(np.ceil(np.log2(log.input.size))))
 
 
 def rows_used(pieces: Sequence[Segment]) -> int:
-    """How many."""
+    """Return the number of file rows in all segments together."""
     return sum(piece.last - piece.first + 1 for piece in pieces)

@@ -1,7 +1,7 @@
-"""A motion as a servo plays it: sampled at its period, in the files that servos read, and checked.
+"""Set-points of a motion: sampled at the period of a servo, in files that servos read, and checked.
 
-What is checked are the numbers of a file, read back, and what a servo makes of them: the positions
-held, or joined by straight lines, whose slopes and bends are the velocity and acceleration then.
+The check reads the numbers back from a file, and assumes that the servo holds the positions, or
+joins them by straight lines: their slopes and the changes of slope give velocity and acceleration.
 """
 
 import io
@@ -20,11 +20,18 @@ from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, ticks
 
 Way = TypeVar("Way")
-VARIABLE = "setpoints"  # of the matrix, and of the array in C
+VARIABLE = "setpoints"  # name of the matrix, and of the array in C
 
 
 class Setpoints(NamedTuple):
-    """States at the ticks of a servo, the last one included; shapes (n + 1,), in m or rad."""
+    """The states of a motion at every sample of a servo, the last one included; shapes (n + 1,).
+
+    Attributes:
+        time: times of the samples, s.
+        position: positions, m or rad.
+        velocity: velocities, m/s or rad/s.
+        acceleration: accelerations, m/s² or rad/s².
+    """
 
     time: Float[np.ndarray, " samples"]
     position: Float[np.ndarray, " samples"]
@@ -33,10 +40,14 @@ class Setpoints(NamedTuple):
 
 
 def sampled(trajectory: JerkTrajectory, period: float) -> Setpoints:
-    """At every tick.
+    """Return a motion as set-points: its states at every sample of a servo, the end included.
+
+    Args:
+        trajectory: motion.
+        period: sample period of the servo, s.
 
     Raises:
-        ValueError: if the period does not divide the duration.
+        ValueError: if the motion does not last a whole number of sample periods.
     """
     require_float64(trajectory=trajectory)
     require_concrete(
@@ -52,11 +63,16 @@ def sampled(trajectory: JerkTrajectory, period: float) -> Setpoints:
 
 
 def margins(setpoints: Setpoints, limits: Limits) -> dict[str, float]:
-    """How much of each limit's half-width is left, by the positions alone; below zero, none.
+    """Return the margin of set-points to each limit of position, velocity and acceleration.
 
-    Velocity and acceleration are first and second differences, what straight lines between the
-    positions make of them: means over a tick and two. Rounded positions leave of them ε|y|/h and
-    ε|y|/h²: a motion that touches a limit of acceleration may show a billionth below zero.
+    A margin is a share of the half-width of the limit; below zero, the limit is exceeded. Velocity
+    and acceleration are first and second differences of the positions. Rounding of the positions
+    changes them by about ε|y|/h and ε|y|/h²: a motion that touches an acceleration limit may have a
+    margin of −1e-9.
+
+    Args:
+        setpoints: set-points of a motion.
+        limits: limits of the axis.
     """
     h = float(setpoints.time[1] - setpoints.time[0])
     y = setpoints.position
@@ -65,14 +81,14 @@ def margins(setpoints: Setpoints, limits: Limits) -> dict[str, float]:
 
 
 def write_setpoints(path: Path, setpoints: Setpoints, coordinate: str = "linear") -> None:
-    """Write a file whose ending says how.
+    """Write set-points to a file in the format of its ending.
 
     Args:
-        path: ending in .csv (a header with units, one row per tick), .mat (one matrix, its rows
-            time, position, velocity and acceleration, as Simulink's From File reads it) or .h (an
-            array of C, one row per tick).
-        setpoints: to write.
-        coordinate: linear or rotary, for the units.
+        path: file that ends in .csv (a header with units, one row per sample), .mat (one matrix
+            with the rows time, position, velocity and acceleration, as Simulink's From File reads
+            it) or .h (an array of C, one row per sample).
+        setpoints: set-points to write.
+        coordinate: "linear" (m) or "rotary" (rad), for the units.
 
     Raises:
         ValueError: if the ending is another one.
@@ -81,17 +97,34 @@ def write_setpoints(path: Path, setpoints: Setpoints, coordinate: str = "linear"
 
 
 def setpoint_bytes(path: Path, setpoints: Setpoints, coordinate: str = "linear") -> bytes:
-    """What `write_setpoints` writes into a file of this name."""
+    """Return set-points as the content of a file; the arguments are those of `write_setpoints`."""
     return _by_ending(path, _WRITERS)(setpoints, coordinate)
 
 
 def read_setpoints(path: Path, coordinate: str = "linear") -> Setpoints:
-    """What a file of `write_setpoints` holds."""
+    """Return the set-points in a .csv or .mat file of `write_setpoints`.
+
+    Args:
+        path: file that ends in .csv or .mat.
+        coordinate: "linear" (m) or "rotary" (rad), for the column names.
+
+    Raises:
+        ValueError: if the ending is another one, or columns of a CSV file are missing.
+    """
     return setpoints_in(path.read_bytes(), path, coordinate)
 
 
 def setpoints_in(data: bytes, path: Path, coordinate: str = "linear") -> Setpoints:
-    """What the bytes of a file of this name hold, whether it is on a disk or not."""
+    """Return the set-points in the bytes of a .csv or .mat file of `write_setpoints`.
+
+    Args:
+        data: content of the file.
+        path: name of the file, whose ending gives the format.
+        coordinate: "linear" (m) or "rotary" (rad), for the column names.
+
+    Raises:
+        ValueError: if the ending is another one, or columns of a CSV file are missing.
+    """
     return Setpoints(*_by_ending(path, _READERS)(data, path, coordinate))
 
 

@@ -1,4 +1,4 @@
-"""The closed loop as a function of the motion, and the plants that it may meet."""
+"""The closed loop as a function of the motion and the plant."""
 
 from typing import NamedTuple
 
@@ -26,16 +26,16 @@ from jaxid.motion.violation import Envelope, Prediction, axis_violations
 
 
 class ClosedLoop(eqx.Module):
-    """An experiment but for its motion and its plant.
+    """A simulated experiment as a function of the plant and the motion.
 
     Attributes:
-        controller: any feedback law.
-        sensor: what the controller sees.
-        period: of the controller, s.
-        ticks: of the longest motion. Rows of a shorter one that stand for none of its ticks have no
-            measure, and its signals stay there what they were in its last tick.
-        repeats: how many times the motion is run, back to back, from rest.
-        substeps: Runge-Kutta steps per tick.
+        controller: controller of the axis.
+        sensor: sensor that the controller reads.
+        period: sample period of the controller, s.
+        ticks: number of samples of the longest motion. For a shorter motion, the remaining rows of
+            the record have zero measure, and the remaining signals keep their last values.
+        repeats: number of times that the motion is run, back to back, from rest.
+        substeps: number of Runge-Kutta steps per sample period.
     """
 
     controller: Controller
@@ -46,13 +46,13 @@ class ClosedLoop(eqx.Module):
     substeps: int = eqx.field(static=True, default=1)
 
     def __call__(self, plant: Plant, trajectory: JerkTrajectory) -> tuple[Record, Signals]:
-        """Run the motion on a plant."""
+        """Return the record and the signals of a motion that is run on a plant."""
         desired = reference(trajectory, self.period, self.ticks, self.repeats)
         found = simulate(plant, self.controller, self.sensor, desired, self.period, self.substeps)
         return _within(self.ticks_of(trajectory), self.substeps, *found)
 
     def ticks_of(self, trajectory: JerkTrajectory) -> Ticks:
-        """Which ticks are those of a motion."""
+        """Return the number of samples of a motion, for arrays of this loop's length."""
         return ticks_of(trajectory, self.period, self.ticks, self.repeats)
 
 
@@ -60,7 +60,7 @@ class ClosedLoop(eqx.Module):
 def _within(
     ticks: Ticks, substeps: int, record: Record, signals: Signals
 ) -> tuple[Record, Signals]:
-    """What there is until the end of the last tick."""
+    """Return the record and signals with everything after the last sample of the motion held."""
     steps = ("time", "position", "velocity")
     held = {name: ticks.held(getattr(signals, name), substeps, first=1) for name in steps}
     others = {name: ticks.held(x) for name, x in signals._asdict().items() if name not in steps}
@@ -68,11 +68,11 @@ def _within(
 
 
 class SampledPlants(Prediction):
-    """What some plants do along a motion: evidence, no proof for the others.
+    """A prediction of the axis from simulations of some plants; for other plants it proves nothing.
 
     Attributes:
-        loop: that they are in.
-        scenarios: the plants.
+        loop: closed loop that the plants are simulated in.
+        scenarios: plants, with their disturbances.
     """
 
     loop: ClosedLoop
@@ -80,10 +80,11 @@ class SampledPlants(Prediction):
 
     @property
     def system(self) -> System:
+        """The system of all plants."""
         return self.scenarios.system
 
     def __call__(self, trajectory: JerkTrajectory) -> Envelope:
-        """The lowest and highest over plants, repeats and Runge-Kutta steps."""
+        """Return the ranges over all plants, repeats and Runge-Kutta steps, one per sample."""
         return _envelope(self.loop, self.scenarios, trajectory)
 
 
@@ -91,9 +92,18 @@ class SampledPlants(Prediction):
 def plant_violations(
     loop: ClosedLoop, scenarios: Scenarios, limits: Limits, trajectory: JerkTrajectory
 ) -> Float[Array, "k sides"]:
-    """How far each plant is beyond each limit, at worst, in half-widths; ≤ 0 keeps it.
+    """Return by how much each simulated plant exceeds each limit at worst, in half-widths.
 
-    The sides are those of `axis_violations`. A plant whose loop diverges is beyond all limits.
+    A value ≤ 0 means that the plant keeps the limit; a plant whose loop diverges has inf.
+
+    Args:
+        loop: closed loop.
+        scenarios: k plants, with their disturbances.
+        limits: limits of the axis.
+        trajectory: motion.
+
+    Returns:
+        Array of shape (k, sides), its columns in the order of `axis_violations`.
     """
 
     def worst(item: tuple[Array, Disturbance]) -> Float[Array, " sides"]:
@@ -121,7 +131,7 @@ def _envelope(loop: ClosedLoop, scenarios: Scenarios, trajectory: JerkTrajectory
 
 
 def _columns(loop: ClosedLoop, plant: Plant, trajectory: JerkTrajectory) -> tuple[Motion, ...]:
-    """Position and velocity after every step; input and its rate at every tick."""
+    """Return position and velocity after every step, and input and its rate at every sample."""
     signals = loop(plant, trajectory)[1]
     rate = jnp.diff(signals.input, prepend=jnp.zeros(1)) / loop.period
     rate = loop.ticks_of(trajectory).held(rate)
@@ -129,12 +139,12 @@ def _columns(loop: ClosedLoop, plant: Plant, trajectory: JerkTrajectory) -> tupl
 
 
 class Run(NamedTuple):
-    """One simulated experiment.
+    """The result of one simulated experiment.
 
     Attributes:
-        record: exact rows of u = φᵀθ + Δ, one per servo period, and their inputs.
-        signals: what the axis did.
-        log: what the servo records of it.
+        record: exact rows of u = φᵀθ + Δ, one per sample period, with their inputs.
+        signals: true states of the axis, inputs and reference over time.
+        log: log of inputs and encoder positions that the servo records.
     """
 
     record: Record
@@ -152,19 +162,19 @@ def run(
     repeats: int = 1,
     substeps: int = 1,
 ) -> Run:
-    """Simulate one experiment: a motion, tracked in closed loop, and its log.
+    """Simulate one experiment, a motion tracked in closed loop, and return its data and its log.
 
     Args:
-        plant: the true axis.
-        controller: any feedback law; its commands act after the delay of the servo.
-        servo: sample period, encoder and delay.
-        trajectory: the motion; its duration is a whole number of periods.
-        sensor: what the controller measures; default the encoder of the servo.
-        repeats: how often the motion is run, back to back, from rest.
-        substeps: Runge-Kutta steps per period.
+        plant: true axis: parameters and disturbance.
+        controller: controller; its commands act after the delay of the servo.
+        servo: sample period, encoder resolution and delay.
+        trajectory: motion; its duration is a whole number of sample periods.
+        sensor: sensor that the controller reads; default the encoder of the servo.
+        repeats: number of times that the motion is run, back to back, from rest.
+        substeps: number of Runge-Kutta steps per sample period.
 
     Raises:
-        ValueError: if the period does not divide the duration of the motion.
+        ValueError: if the motion does not last a whole number of sample periods, two at least.
 
     Example:
         >>> plant = jd.Plant(slide, (7.0, 20.0, 15.0), NoDisturbance())
@@ -190,7 +200,19 @@ def closed_loop(
     repeats: int = 1,
     substeps: int = 1,
 ) -> ClosedLoop:
-    """The experiment as a function of the plant and of motions as long as this one."""
+    """Return a simulated experiment as a function of the plant and the motion.
+
+    Args:
+        controller: controller; its commands act after the delay of the servo.
+        servo: sample period, encoder resolution and delay.
+        trajectory: longest motion that will be run.
+        sensor: sensor that the controller reads; default the encoder of the servo.
+        repeats: number of times that the motion is run, back to back, from rest.
+        substeps: number of Runge-Kutta steps per sample period.
+
+    Raises:
+        ValueError: if the motion does not last a whole number of sample periods, two at least.
+    """
     return ClosedLoop(
         servo.delayed(controller),
         servo.sensor if sensor is None else sensor,

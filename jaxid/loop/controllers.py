@@ -1,7 +1,6 @@
-"""Tracking controllers (19)-(27), one tick at a time: the input is held until the next tick.
+"""Tracking controllers (19)-(27), one sample at a time, with a zero-order hold of the input.
 
-No guarantee of this package needs a particular controller: what is estimated rests on the recorded
-input alone.
+No guarantee of this package depends on the controller: estimation uses the recorded input only.
 """
 
 import abc
@@ -19,49 +18,61 @@ from jaxid.motion.trajectory import States
 
 
 class Controller(eqx.Module):
-    """A sampled feedback law."""
+    """Base class of sampled controllers."""
 
     @property
     def k1_of_p(self) -> Scalar:
-        """k₁ of the combined error p = ė + k₁e that an adversary pushes away from zero, 1/s.
+        """The k₁ of the combined error p = ė + k₁e that `AgainstTracking` drives from zero, in 1/s.
 
-        Zero unless a controller says otherwise: then the adversary pushes against the velocity.
+        Zero, the default, makes that disturbance depend on the velocity error alone.
         """
         return jnp.zeros(())
 
     @abc.abstractmethod
     def initial(self) -> Any:
-        """The state before the first tick."""
+        """Return the state of the controller before the first sample."""
 
     @abc.abstractmethod
     def step(
         self, state: Any, reference: States, measured: Measurement, period: Scalar
     ) -> tuple[Scalar, Any]:
-        """The input to hold for `period` seconds, and the next state."""
+        """Return the input for one sample period, and the next state of the controller.
+
+        Args:
+            state: state of the controller.
+            reference: desired position, velocity and acceleration at this sample.
+            measured: measured position and velocity at this sample.
+            period: sample period, s.
+        """
 
 
 class ARC(Controller):
-    """Adaptive robust control, in the regression form u = φᵀθ + Δ.
+    """The adaptive robust controller of the paper, in the regression form u = φᵀθ + Δ.
 
     With M = θ_x2 and φ' = [ẋ₂eq, f], (1) becomes M ṗ = u_s + φ'ᵀθ̃ − Δ. The signs of (20)-(26) as
-    printed do not fit one another; these do (see `experiments.axes.linear_motor`).
+    printed are inconsistent; those used here are consistent (see `experiments.axes.linear_motor`).
 
     In continuous time and with exact states Theorem 4 holds:
 
     A. V_s = M p²/2 stays below exp(−λt)·V_s(0) + (ε/λ)(1 − exp(−λt)), λ = 2k₂/θ_x2,max (27).
-    B. without Δ, e and p go to zero.
+    B. without Δ, e and p converge to zero.
 
-    Sampling weakens both. The input is held, so the loop is only stable while
-    (k₂ + h²/4ε)·period/θ_x2,min stays below about 1, and A is then found to hold at the ticks (it
-    is tested, not proved). In B, e and p go down to a floor instead, because the feed-forward lags
-    the reference by half a tick on average; the floor shrinks with the period.
+    Sampling weakens both. The input is held, so the loop is stable only while (k₂ +
+    h²/4ε)·period/θ_x2,min stays below about 1; then A was found to hold at the samples (tested, not
+    proved). In B, e and p decrease to a small value instead, since the feed-forward lags the
+    reference by half a sample period on average; this value decreases with the sample period.
 
     Attributes:
-        system: the model that is compensated, with Ω_θ and δ.
-        k1: 1/s, of (19).
-        k2: input unit per m/s or rad/s, of (25).
-        epsilon: input unit times m/s or rad/s, of (26).
-        gamma: diagonal of Γ, one adaptation rate per parameter; 0 keeps it at the centre of Ω_θ.
+        system: model that is compensated, with Ω_θ and δ.
+        k1: gain k₁ of (19), 1/s.
+        k2: gain k₂ of (25), unit of the input per m/s or rad/s.
+        epsilon: ε of (26), unit of the input times m/s or rad/s.
+        gamma: diagonal of Γ, one adaptation rate per parameter; with 0 the estimate of that
+            parameter stays at the centre of Ω_θ.
+
+    Raises:
+        ValueError: if `k1`, `k2` or `epsilon` is not above zero, or an entry of `gamma` is below
+            zero.
     """
 
     system: System
@@ -89,10 +100,11 @@ class ARC(Controller):
 
     @property
     def k1_of_p(self) -> Scalar:
+        """The gain k₁ of the combined error p = ė + k₁e (19), in 1/s."""
         return self.k1
 
     def initial(self) -> tuple[Scalar, ...]:
-        """θ̂ at the centre of Ω_θ."""
+        """Return the first parameter estimate θ̂, the centre of Ω_θ, as m scalars."""
         centre = self.system.centre
         return tuple(centre[j] for j in range(centre.size))
 
@@ -103,7 +115,14 @@ class ARC(Controller):
         measured: Measurement,
         period: Scalar,
     ) -> tuple[Scalar, tuple[Scalar, ...]]:
-        """(19)-(26): u = u_a + u_s1 + u_s2, and the adapted θ̂."""
+        """Return the input u = u_a + u_s1 + u_s2 of (19)-(26), and the adapted θ̂.
+
+        Args:
+            state: parameter estimate θ̂, m scalars.
+            reference: desired position, velocity and acceleration at this sample.
+            measured: measured position and velocity at this sample.
+            period: sample period, s.
+        """
         theta, (y, v) = state, measured
         e, e_rate = y - reference.position, v - reference.velocity
         p = e_rate + self.k1 * e  # (19)
@@ -116,23 +135,40 @@ class ARC(Controller):
         return u_a + u_s1 + u_s2, adapted
 
     def model_regressors(self, y: Scalar, v: Scalar, x2eq_rate: Scalar) -> tuple[Scalar, ...]:
-        """φ' of (20): the regressors with ẋ₂eq in the place of the acceleration."""
+        """Return φ' of (20): the regressors of the system with ẋ₂eq instead of the acceleration.
+
+        Args:
+            y: measured position, m or rad.
+            v: measured velocity, m/s or rad/s.
+            x2eq_rate: ẋ₂eq, m/s² or rad/s².
+        """
         return self.system.regressors(y, v, x2eq_rate)
 
     def mismatch(self, phi: tuple[Scalar, ...], y: Scalar, v: Scalar) -> Scalar:
-        """H ≥ |φ'ᵀθ̃ − Δ|, so that −h²p/4ε meets (26): ε is reached at |p| = 2ε/h."""
+        """Return the h of (26), an upper bound of |φ'ᵀθ̃ − Δ| in the unit of the input.
+
+        With it, −h²p/4ε meets (26); ε is reached at |p| = 2ε/h.
+
+        Args:
+            phi: φ' of (20), m scalars.
+            y: measured position, m or rad.
+            v: measured velocity, m/s or rad/s.
+        """
         return dot([jnp.abs(f) for f in phi], self.reach) + self.system.disturbance_bound(y, v)
 
     @property
     def reach(self) -> Float[Array, " m"]:
-        """How far θ̂ may be from θ: the width of Ω_θ, or half of it where θ̂ stays at the centre."""
+        """The largest |θ̂ − θ| per parameter, shape (m,).
+
+        It is the width of Ω_θ where θ̂ is adapted, and half of it where θ̂ stays at the centre.
+        """
         widths = self.system.upper - self.system.lower
         return jnp.where(self.gamma > 0, widths, widths / 2)
 
     def _adapt(
         self, theta: tuple[Scalar, ...], phi: tuple[Scalar, ...], p: Scalar, period: Scalar
     ) -> tuple[Scalar, ...]:
-        """(22)-(23) over one tick: a clipped Euler step is the projection in discrete time."""
+        """Return θ̂ after one sample period of (22)-(23), a projected Euler step."""
         lower, upper = self.system.lower, self.system.upper
         return tuple(
             jnp.clip(t - period * self.gamma[j] * f * p, lower[j], upper[j])
@@ -141,13 +177,13 @@ class ARC(Controller):
 
 
 class PDFeedforward(Controller):
-    """Proportional-derivative feedback with the model's input for the reference.
+    """Proportional-derivative feedback with feed-forward of the model's input for the reference.
 
     Attributes:
-        system: the model of the feed-forward.
-        theta: its parameters, shape (m,).
-        kp: input unit per m or rad.
-        kd: input unit per m/s or rad/s.
+        system: model of the feed-forward.
+        theta: parameters of the feed-forward, shape (m,), in the units of the parameters.
+        kp: proportional gain, unit of the input per m or rad.
+        kd: derivative gain, unit of the input per m/s or rad/s.
     """
 
     system: System
@@ -160,15 +196,24 @@ class PDFeedforward(Controller):
 
     @property
     def k1_of_p(self) -> Scalar:
+        """The ratio kp/kd, in 1/s, so that the feedback is −kd·(ė + k₁e)."""
         return self.kp / self.kd
 
     def initial(self) -> tuple[()]:
+        """Return the empty state: the controller has no memory."""
         return ()
 
     def step(
         self, state: tuple[()], reference: States, measured: Measurement, period: Scalar
     ) -> tuple[Scalar, tuple[()]]:
-        """φᵀθ on the reference, less what the errors ask for."""
+        """Return the input φᵀθ of the reference minus kp·e + kd·ė, and the empty state.
+
+        Args:
+            state: empty.
+            reference: desired position, velocity and acceleration at this sample.
+            measured: measured position and velocity at this sample.
+            period: sample period, s; not used.
+        """
         feedforward = dot(self.system.regressors(*reference), self.theta)
         e = measured.position - reference.position
         e_rate = measured.velocity - reference.velocity
@@ -176,28 +221,40 @@ class PDFeedforward(Controller):
 
 
 class OpenLoop(Controller):
-    """A prescribed input, one value per tick, whatever the axis does."""
+    """A controller that plays a prescribed input and ignores all measurements.
+
+    Attributes:
+        input: input of each sample period, shape (n,), in the unit of the input.
+    """
 
     input: Float[Array, " n"] = eqx.field(converter=as_array("input"))
 
     def initial(self) -> Int[Array, ""]:
+        """Return the index of the first sample, 0."""
         return jnp.zeros((), int)
 
     def step(
         self, state: Int[Array, ""], reference: States, measured: Measurement, period: Scalar
     ) -> tuple[Scalar, Int[Array, ""]]:
-        """The next entry of the given input, whatever is measured."""
+        """Return the prescribed input of this sample, and the index of the next sample.
+
+        Args:
+            state: index of this sample.
+            reference: not used.
+            measured: not used.
+            period: not used.
+        """
         return self.input[state], state + 1
 
 
 class Delayed(Controller):
-    """Another law, whose commands act some periods later.
+    """Another controller whose commands act a number of sample periods later.
 
-    Until its first one does, the axis is held by what it commands first.
+    Until the first command acts, its value is the input, too.
 
     Attributes:
-        controller: that commands.
-        periods: until a command acts, 1 or more.
+        controller: controller that gives the commands.
+        periods: number of sample periods from a command until it acts, 1 or more.
     """
 
     controller: Controller
@@ -205,9 +262,11 @@ class Delayed(Controller):
 
     @property
     def k1_of_p(self) -> Scalar:
+        """The k₁ of the other controller, in 1/s."""
         return self.controller.k1_of_p
 
     def initial(self) -> tuple[Any, Float[Array, " periods"], Bool[Array, ""]]:
+        """Return the state before the first sample: that of the other controller and no command."""
         return self.controller.initial(), jnp.zeros(self.periods), jnp.zeros((), bool)
 
     def step(
@@ -217,7 +276,14 @@ class Delayed(Controller):
         measured: Measurement,
         period: Scalar,
     ) -> tuple[Scalar, tuple[Any, Float[Array, " periods"], Bool[Array, ""]]]:
-        """What was commanded then acts, and what is commanded now waits."""
+        """Return the command of `periods` samples ago, and the next state.
+
+        Args:
+            state: state of the other controller, waiting commands, and whether there is any.
+            reference: desired position, velocity and acceleration at this sample.
+            measured: measured position and velocity at this sample.
+            period: sample period, s.
+        """
         inner, waiting, begun = state
         u, inner = self.controller.step(inner, reference, measured, period)
         waiting = jnp.where(begun, waiting, u)
@@ -225,5 +291,5 @@ class Delayed(Controller):
 
 
 def undelayed(controller: Controller) -> Controller:
-    """The controller that commands, whenever its commands act."""
+    """Return the controller without its delay; one without delay is returned as it is."""
     return controller.controller if isinstance(controller, Delayed) else controller

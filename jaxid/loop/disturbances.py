@@ -1,4 +1,4 @@
-"""True disturbances Δ for simulations. Whatever they say, the plant keeps |Δ| ≤ δ."""
+"""Disturbances Δ for simulations; the simulated plant clips each of them to |Δ| ≤ δ."""
 
 import abc
 from typing import NamedTuple
@@ -12,7 +12,14 @@ from jaxid._types import Scalar, as_array, dot
 
 
 class Moment(NamedTuple):
-    """When a disturbance is asked for, and what an adversary may know at the start of that tick."""
+    """The sample at which a disturbance is evaluated, with the tracking errors at its start.
+
+    Attributes:
+        tick: index of the sample.
+        time: time within the simulation, s.
+        error: position error y − y_ref at the start of the sample, m or rad.
+        error_rate: velocity error at the start of the sample, m/s or rad/s.
+    """
 
     tick: Int[Array, ""]
     time: Scalar
@@ -21,32 +28,47 @@ class Moment(NamedTuple):
 
 
 class Disturbance(eqx.Module):
-    """Δ(t, y, ẏ) in the unit of the input."""
+    """Base class of disturbances Δ(t, y, ẏ) for simulations, in the unit of the input."""
 
     @abc.abstractmethod
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
-        """Δ where the bound is `delta`."""
-
-    def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> "Disturbance":
-        """What disturbs one run: the same for every run unless it is random or knows the loop.
+        """Return Δ at one instant, in the unit of the input.
 
         Args:
-            key: of this run.
-            ticks: of the run.
-            k1: of the controller, see `Controller.k1_of_p`.
+            moment: sample, time and tracking errors.
+            position: y, m or rad.
+            velocity: ẏ, m/s or rad/s.
+            delta: disturbance bound δ at this state, in the unit of the input.
+        """
+
+    def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> "Disturbance":
+        """Return the disturbance of one run, with random numbers and the controller's k₁ filled in.
+
+        It is the disturbance itself unless it is random or depends on the controller.
+
+        Args:
+            key: JAX key of this run.
+            ticks: number of samples of the run.
+            k1: k₁ of the controller, 1/s, see `Controller.k1_of_p`.
         """
         return self
 
 
 class NoDisturbance(Disturbance):
-    """Δ = 0."""
+    """The disturbance Δ = 0."""
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         return jnp.zeros_like(velocity)
 
 
 class Cogging(Disturbance):
-    """A force that repeats with the magnet pitch: Σ_i amplitude_i·sin(2π·harmonic_i·y/pitch)."""
+    """A disturbance that repeats with the position: Σ_i amplitude_i·sin(2π·harmonic_i·y/pitch).
+
+    Attributes:
+        pitch: magnet pitch, m or rad.
+        harmonics: harmonic numbers, shape (k,).
+        amplitudes: amplitude of each harmonic, shape (k,), in the unit of the input.
+    """
 
     pitch: Scalar = eqx.field(converter=as_array("pitch"))
     harmonics: Float[Array, " k"] = eqx.field(converter=as_array("harmonics"))
@@ -58,9 +80,13 @@ class Cogging(Disturbance):
 
 
 class LowSpeedFriction(Disturbance):
-    """Friction beyond Coulomb's at low speed (Stribeck), odd and smooth in the velocity.
+    """Additional friction at low speed (Stribeck effect), odd and smooth in the velocity.
 
-    amplitude·exp(−(ẏ/speed)²)·ẏ/√(ẏ² + (speed/10)²).
+    Δ = amplitude·exp(−(ẏ/speed)²)·ẏ/√(ẏ² + (speed/10)²).
+
+    Attributes:
+        amplitude: scale of the friction, in the unit of the input.
+        speed: speed at which the exponential has fallen to 1/e, m/s or rad/s.
     """
 
     amplitude: Scalar = eqx.field(converter=as_array("amplitude"))
@@ -72,11 +98,11 @@ class LowSpeedFriction(Disturbance):
 
 
 class Mixture(Disturbance):
-    """Several disturbances at once, each times a share: what differs between scenarios is data.
+    """A weighted sum of several disturbances, so that scenarios differ in data only.
 
     Attributes:
         parts: k disturbances.
-        shares: of each, shape (k,).
+        shares: weight of each disturbance, shape (k,).
     """
 
     parts: tuple[Disturbance, ...]
@@ -86,16 +112,23 @@ class Mixture(Disturbance):
         return dot([part(moment, position, velocity, delta) for part in self.parts], self.shares)
 
     def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> "Mixture":
+        """Return the weighted sum of the disturbances, each drawn for one run with its own key.
+
+        Args:
+            key: JAX key of this run.
+            ticks: number of samples of the run.
+            k1: k₁ of the controller, 1/s.
+        """
         keys = [key, *(jax.random.fold_in(key, j) for j in range(1, len(self.parts)))]
         parts = tuple(part.drawn(k, ticks, k1) for part, k in zip(self.parts, keys, strict=True))
         return Mixture(parts, self.shares)
 
 
 class Sequence(Disturbance):
-    """A share of δ, held over each tick: random, constant, a square wave, or −sign of any weights.
+    """A disturbance given as a share of δ for each sample, held over the sample.
 
     Attributes:
-        shares: Δ_k/δ_k within ±1, one per tick.
+        shares: Δ_k/δ_k, one per sample, between −1 and 1.
     """
 
     shares: Float[Array, " n"]
@@ -105,10 +138,10 @@ class Sequence(Disturbance):
 
 
 class AgainstTracking(Disturbance):
-    """The adversary of Theorem 4: always pushes p = ė + k₁e away from zero.
+    """The worst-case disturbance of Theorem 4: Δ = −δ·sign(p), with p = ė + k₁e, increases |p|.
 
     Attributes:
-        k1: 1/s; None, the default, for that of the controller, which `drawn` takes.
+        k1: k₁, 1/s; None, the default, stands for that of the controller, which `drawn` fills in.
     """
 
     k1: Scalar | None = eqx.field(
@@ -116,6 +149,13 @@ class AgainstTracking(Disturbance):
     )
 
     def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> "AgainstTracking":
+        """Return this disturbance with the k₁ of the controller, unless it has its own.
+
+        Args:
+            key: not used.
+            ticks: not used.
+            k1: k₁ of the controller, 1/s.
+        """
         return AgainstTracking(k1) if self.k1 is None else self
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
@@ -125,7 +165,10 @@ class AgainstTracking(Disturbance):
 
 
 class RandomForce(Disturbance):
-    """An independent uniform share of ±δ at every tick, drawn anew for each run by `drawn`."""
+    """A random disturbance, uniform in ±δ and independent from sample to sample.
+
+    It must be drawn for each run by `drawn` before it can be evaluated.
+    """
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         raise ValueError(
@@ -133,9 +176,21 @@ class RandomForce(Disturbance):
         )
 
     def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> Sequence:
+        """Return random shares of δ for one run.
+
+        Args:
+            key: JAX key of this run.
+            ticks: number of samples of the run.
+            k1: not used.
+        """
         return random_shares(key, ticks)
 
 
 def random_shares(key: PRNGKeyArray, ticks: int) -> Sequence:
-    """An independent uniform share of ±δ at every tick."""
+    """Return a disturbance of random shares of δ, uniform in [−1, 1), one per sample.
+
+    Args:
+        key: JAX key of the random numbers.
+        ticks: number of samples.
+    """
     return Sequence(jax.random.uniform(key, (ticks,), minval=-1.0, maxval=1.0))

@@ -1,4 +1,4 @@
-"""What a servo keeps of an experiment."""
+"""The log of an experiment as a servo records it."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,38 +14,41 @@ from jaxid._checks import (
 from jaxid._types import Motion, Scalar, as_array, or_none
 from jaxid.model.interval_arithmetic import Range, exactly, where
 
-_ROUNDINGS = 4  # of a position: when it is read, and in a difference of two or three
-JITTER = 0.1  # of a period, at most: beyond it a log is hardly one of ticks
+_ROUNDINGS = 4  # rounding errors of a position: of its reading, and of a difference of two or three
+JITTER = 0.1  # largest jitter, relative to the period
 
 
 class InconsistentLogError(ValueError):
-    """No axis of the system, with θ in the prior box and |Δ| ≤ δ, can have produced the logs.
+    """The error for logs that no θ in the prior box with |Δ| ≤ δ can have produced.
 
     Attributes:
-        factor: a proved lower bound on the multiple of δ that would explain the logs; None where
-            no number is proved.
+        factor: proved lower bound on the factor of δ that would explain the logs; None if there is
+            no proved number.
     """
 
     def __init__(self, sentence: str, factor: float | None = None) -> None:
-        """The sentence says what contradicts what."""
+        """Take the message, and the proved lower bound on the factor of δ."""
         super().__init__(sentence)
         self.factor = factor
 
 
 class Log(eqx.Module):
-    """A sampled experiment: u_k is held from t_k to t_{k+1}, positions are read at t_0 … t_n.
+    """A sampled experiment: input u_k held from t_k to t_{k+1}, positions read at t_0 … t_n.
 
-    With jitter all this happens at instants τ_k instead, |τ_k − t_k| ≤ jitter, and all that is said
-    of ticks is still said of those between t_k and t_{k+1}.
+    With jitter, inputs change and positions are read at instants τ_k with |τ_k − t_k| ≤ jitter.
 
     Attributes:
-        input: u_k as commanded, shape (n,).
-        position: as read, shape (n + 1,): |read − true| ≤ resolution/2.
-        period: t_{k+1} − t_k, s.
-        resolution: of the encoder, m or rad; zero for one that is exact.
-        jitter: s, at most a tenth of the period.
-        outer: the inputs before the first tick and after the last one, of which jitter lets a
-            little in; default those of the first and the last.
+        input: input u_k of each sample period, as commanded, shape (n,), in the unit of the input.
+        position: positions as read, shape (n + 1,), m or rad: |read − true| ≤ resolution/2.
+        period: sample period t_{k+1} − t_k, s.
+        resolution: encoder resolution, m or rad; zero for exact positions.
+        jitter: largest deviation of a sample instant, s, at most a tenth of the sample period.
+        outer: inputs before the first and after the last sample, which matter only with jitter;
+            default the first and the last input.
+
+    Raises:
+        ValueError: if the shapes do not match, the period is not above zero, the resolution or the
+            jitter is below zero, or the jitter is too large.
     """
 
     input: Float[Array, " n"] = eqx.field(converter=as_array("input"))
@@ -54,7 +57,7 @@ class Log(eqx.Module):
     resolution: Scalar = eqx.field(converter=as_array("resolution"))
     jitter: Scalar = eqx.field(converter=as_array("jitter"), default=0.0)
     outer: Float[Array, "2"] | None = eqx.field(converter=or_none(as_array("outer")), default=None)
-    # of ticks, from the first one on, that took place, None for all: see `filled`
+    # number of samples before the padding, None for no padding: see `filled`
     _count: Int[Array, ""] | None = None
 
     def __check_init__(self) -> None:
@@ -77,7 +80,10 @@ class Log(eqx.Module):
             )
 
     def part(self, first: int, stop: int) -> "Log":
-        """The ticks from `first` up to `stop`, not padded: as a log of its own."""
+        """Return the samples from `first` up to `stop` (exclusive) as a log of their own.
+
+        The log must not be padded.
+        """
         before, after = self._neighbours()
         return Log(
             self.input[first:stop],
@@ -89,31 +95,37 @@ class Log(eqx.Module):
         )
 
     def reading_error(self, speed: Motion) -> Motion:
-        """|read − true position at the tick| at most, of an axis that is no faster around it.
+        """Return an upper bound of |read − true position at the sample|, in m or rad.
 
-        What doubles of this size and their differences lose is counted.
+        It includes the encoder resolution, the jitter and the rounding of floating-point numbers.
+
+        Args:
+            speed: largest speed of the axis around the sample, m/s or rad/s.
         """
         rounded = _ROUNDINGS * jnp.finfo(self.position.dtype).eps
         lost = rounded * jnp.max(jnp.abs(self.position))
         return self.resolution / 2 + lost + self.jitter * speed
 
     def took_place(self) -> Bool[Array, " n"]:
-        """Which ticks did: the others only fill up the arrays."""
+        """Return a mask of the samples that are part of the log, i.e. not padding, shape (n,)."""
         ticks = jnp.arange(self.input.size)
         return ticks < (self.input.size if self._count is None else self._count)
 
     def acting(self) -> Range:
-        """All inputs that act in each tick: with jitter the neighbours', too."""
+        """Return the range of the input that acts in each sample period, shape (n,).
+
+        Without jitter it holds u_k only; with jitter also the inputs of both neighbours.
+        """
         before, after = self._neighbours()
         held = exactly(self.input)
         return where(self.jitter > 0, held | before | after, held)
 
     def misheld(self) -> Float[Array, " n"]:
-        """|mean of what acts in each tick − u_k| at most, or under a hat over two of them.
+        """Return an upper bound of |mean input over each sample period − u_k|, shape (n,).
 
-        At either end of a tick another input may act for as long as the jitter. Under a hat, which
-        counts the middle of its two ticks twice and their ends not at all, it is less than the mean
-        of both.
+        At either end of a sample period the neighbour's input may act for as long as the jitter.
+        The mean of two bounds is also one for the mean under a hat function over two sample
+        periods.
         """
         before, after = self._neighbours()
         steps = jnp.abs(self.input - before) + jnp.abs(after - self.input)
@@ -126,10 +138,10 @@ class Log(eqx.Module):
 
 
 def filled(log: Log, ticks: int) -> Log:
-    """The log with arrays for so many ticks, or more than that if it has more.
+    """Return the log, padded to arrays of at least `ticks` samples.
 
-    Logs of different length then share one shape, and one compilation. No function of a log gives
-    another number for it.
+    Logs of different length then share one shape and one compilation. No function of a log gives
+    another number for the padded one.
     """
     more = max(ticks - log.input.size, 0)
     last = log.input[-1] if log.outer is None else log.outer[1]
@@ -146,5 +158,5 @@ def filled(log: Log, ticks: int) -> Log:
 
 
 def whole(log: Log) -> Log:
-    """The log of which it is known that all of its ticks took place."""
+    """Return the log marked as free of padding; its caller must know that it is."""
     return eqx.tree_at(lambda x: x._count, log, None, is_leaf=lambda x: x is None)

@@ -1,11 +1,11 @@
-"""The Record: what an experiment leaves, as weighted integrals of (1); everything after is linear.
+"""The Record of an experiment: weighted integrals of (1), linear in θ.
 
 Integrate u = φᵀθ + Δ against a test function and divide by its integral. One row k is then
 
     u_k = φ_kᵀ θ + Δ_k,     |Δ_k| ≤ δ_k,
 
-with means instead of point values, and exact. A box over one controller tick is one choice of
-test function, a hat over two ticks or a filter's impulse response another: the type assumes none.
+with means instead of point values, and exact. A box over one sample period is one choice of test
+function, a hat over two of them or a filter's impulse response another: the type assumes none.
 """
 
 from collections.abc import Sequence
@@ -27,13 +27,13 @@ def _as_columns(columns: Sequence[Any]) -> tuple[Array, ...]:
 
 
 class Rows(eqx.Module):
-    """What a motion offers to an estimator: the left-hand sides of n rows.
+    """The n regression rows of a motion, without the inputs.
 
     Attributes:
-        columns: the m columns of Φ, each of shape (n,); apart, since a gradient through slices of
-            one (n, m) array takes twice as long.
-        delta: δ_k, shape (n,), in the unit of the input.
-        measure: what row k counts in an integral over time, s. A row without measure says nothing.
+        columns: m columns of Φ, each of shape (n,). They are separate because a gradient through
+            slices of one (n, m) array takes twice as long.
+        delta: disturbance bound δ_k of each row, shape (n,), in the unit of the input.
+        measure: weight of each row in an integral over time, s; zero for rows that are padding.
     """
 
     columns: tuple[Float[Array, " n"], ...] = eqx.field(converter=_as_columns)
@@ -48,22 +48,23 @@ class Rows(eqx.Module):
 
     @property
     def counted(self) -> Bool[Array, " n"]:
-        """Which rows say something: the others may be anything finite."""
+        """A mask of the rows with a measure above zero; the others are padding, shape (n,)."""
         return self.measure > 0
 
     @property
     def regressors(self) -> Float[Array, "n m"]:
-        """Φ, one row φ_kᵀ per row."""
+        """The regressor matrix Φ, whose row k is φ_kᵀ, shape (n, m)."""
         return jnp.stack(self.columns, axis=-1)
 
 
 class Record(eqx.Module):
-    """Rows and their inputs: one experiment.
+    """The regression rows of one experiment with their inputs: u_k = φ_kᵀθ + Δ_k.
 
     Attributes:
-        rows: the regressors, disturbance bounds and measures.
-        input: u_k, shape (n,): the commanded input, never one computed from θ.
-        disturbance: Δ_k, shape (n,), where a simulation knows it: for tests, not for estimators.
+        rows: regressors, disturbance bounds and measures of the n rows.
+        input: commanded input u_k of each row, shape (n,), never computed from θ.
+        disturbance: true Δ_k of each row, shape (n,), where a simulation knows it, otherwise None;
+            it serves tests, not estimators.
     """
 
     rows: Rows
@@ -76,12 +77,18 @@ class Record(eqx.Module):
         require_shape("input", "a record", self.input, self.rows.delta.shape, "one per row")
 
     def only(self, counted: Bool[Array, " n"]) -> "Record":
-        """The record whose other rows are zero and have no measure: padding."""
-        # nothing of them: what a loop that diverges leaves there would spoil 0·x of the measure
+        """Return the record with zeros, and zero measure, in all rows outside the mask."""
+        # zero in all columns: if a loop diverges after its motion, 0·inf would be NaN
         return jax.tree.map(lambda column: jnp.where(counted, column, 0.0), self)
 
 
 def rows_of(system: System, states: States, measure: Float[Array, " n"]) -> Rows:
-    """The rows of a motion sampled at the nodes of a quadrature."""
+    """Return the regression rows of a motion that is sampled at the nodes of a quadrature.
+
+    Args:
+        system: axis that gives φ and δ.
+        states: states at the n nodes.
+        measure: weights of the nodes, s.
+    """
     delta = system.disturbance_bound(states.position, states.velocity)
     return Rows(system.regressors(*states), delta, measure)

@@ -1,4 +1,4 @@
-"""The plants that a closed loop may meet."""
+"""Sets of plants for simulations: parameters with disturbances."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -19,12 +19,12 @@ Result = TypeVar("Result")
 
 
 class Scenarios(eqx.Module):
-    """K plants of one system.
+    """A set of k plants of one system, each with its own parameters and disturbance.
 
     Attributes:
-        system: of all of them.
-        theta: their parameters.
-        disturbance: one in kind; every array in it has K entries along its first axis.
+        system: system of all plants.
+        theta: parameters θ of each plant, shape (k, m).
+        disturbance: disturbances of one kind; every array in it has k entries along its first axis.
     """
 
     system: System
@@ -32,12 +32,12 @@ class Scenarios(eqx.Module):
     disturbance: Disturbance
 
     def __getitem__(self, chosen: Int[Array | np.ndarray, " c"]) -> "Scenarios":
-        """The plants of these numbers."""
+        """Return the plants with the given indices."""
         parts = jax.tree.map(lambda x: x[chosen], (self.theta, self.disturbance))
         return Scenarios(self.system, *parts)
 
     def map(self, function: Callable[[Plant], Result]) -> Result:
-        """The results for every plant, along a new first axis."""
+        """Return the results of a function for every plant, along a new first axis."""
 
         def one(theta: Float[Array, " m"], disturbance: Disturbance) -> Result:
             return function(Plant(self.system, theta, disturbance))
@@ -52,7 +52,13 @@ class Scenarios(eqx.Module):
 def every(
     system: System, thetas: Float[Array, "p m"], disturbances: Sequence[Disturbance]
 ) -> Scenarios:
-    """Each of p parameters with each of d disturbances."""
+    """Return the p·d plants that combine each of p parameter vectors with each of d disturbances.
+
+    Args:
+        system: system of all plants.
+        thetas: parameter vectors, shape (p, m).
+        disturbances: d disturbances.
+    """
     p, d = thetas.shape[0], len(disturbances)
     return mixed(system, jnp.repeat(thetas, d, axis=0), disturbances, jnp.tile(jnp.eye(d), (p, 1)))
 
@@ -63,23 +69,38 @@ def mixed(
     parts: Sequence[Disturbance],
     shares: Float[Array, "k parts"],
 ) -> Scenarios:
-    """K plants, each disturbed by its own shares of the same parts."""
+    """Return k plants, each with its own weighted sum of the same disturbances.
+
+    Args:
+        system: system of all plants.
+        thetas: parameters of each plant, shape (k, m).
+        parts: disturbances that are summed.
+        shares: weights of the disturbances for each plant, shape (k, parts).
+    """
     disturbances = jax.vmap(Mixture)(_copies(parts, thetas.shape[0]), shares)
     return Scenarios(system, thetas, disturbances)
 
 
 def vertices(system: System) -> Float[Array, "corners m"]:
-    """The corners of Ω_θ."""
+    """Return the 2^m corners of the prior box Ω_θ, shape (2^m, m)."""
     return jnp.stack([jnp.stack(c) for c in itertools.product(*(t.interval for t in system.terms))])
 
 
 def _keys_of_items(key: PRNGKeyArray, count: int) -> Key[Array, " count"]:
-    """One key per item, which does not depend on how many there are."""
+    """Return one JAX key per item, which does not depend on the number of items."""
     return jax.vmap(lambda k: jax.random.fold_in(key, k))(jnp.arange(count))
 
 
 def random_parameters(key: PRNGKeyArray, system: System, count: int) -> Float[Array, "count m"]:
-    """Uniform in Ω_θ; the k-th depends on the key and on k alone."""
+    """Return random parameters, uniform in the prior box Ω_θ, shape (count, m).
+
+    Row k depends only on the key and on k.
+
+    Args:
+        key: JAX key of the random numbers.
+        system: system with its prior box.
+        count: number of parameter vectors.
+    """
     share = jax.vmap(lambda key: jax.random.uniform(key, system.lower.shape))(
         _keys_of_items(key, count)
     )
@@ -87,21 +108,29 @@ def random_parameters(key: PRNGKeyArray, system: System, count: int) -> Float[Ar
 
 
 def random_forces(key: PRNGKeyArray, ticks: int, count: int) -> Forces:
-    """Forces within ±δ drawn anew at every tick; the k-th depends on the key and on k alone."""
+    """Return random disturbances as shares of δ, uniform and independent from sample to sample.
+
+    Disturbance k depends only on the key and on k.
+
+    Args:
+        key: JAX key of the random numbers.
+        ticks: number of samples.
+        count: number of disturbances, along the first axis of the result.
+    """
     return jax.vmap(lambda key: random_shares(key, ticks))(_keys_of_items(key, count))
 
 
 def random_scenarios(
     key: PRNGKeyArray, system: System, kinds: Sequence[Disturbance], ticks: int, count: int
 ) -> Scenarios:
-    """Random parameters, each with one of some disturbances or a force drawn anew at every tick.
+    """Return plants with random parameters and, in turn, given or random disturbances.
 
     Args:
-        key: plant k depends on it and on k alone.
-        system: of all plants.
-        kinds: the disturbances; together with the random force they take turns.
-        ticks: of the whole experiment.
-        count: of plants.
+        key: JAX key; plant k depends only on it and on k.
+        system: system of all plants.
+        kinds: disturbances that the plants take in turn, together with a random one.
+        ticks: number of samples of the whole experiment.
+        count: number of plants.
     """
     first, second = jax.random.split(key)
     parts = (*_copies(kinds, count), random_forces(second, ticks, count))

@@ -1,4 +1,4 @@
-"""What the controller and the log see of a motion: sensors, and a Record from measured signals."""
+"""Sensors: the position and velocity that a controller measures."""
 
 import abc
 import functools
@@ -15,19 +15,24 @@ from jaxid._types import Scalar, as_array
 
 
 class Measurement(NamedTuple):
-    """Position and velocity as the controller gets them at one tick."""
+    """The measured position and velocity at one sample.
+
+    Attributes:
+        position: measured position, m or rad.
+        velocity: measured velocity, m/s or rad/s.
+    """
 
     position: Scalar
     velocity: Scalar
 
 
 class SensorError(NamedTuple):
-    """How far a measurement may be from the truth: for what is proved of a loop.
+    """The largest error of a measurement, for proofs about a closed loop.
 
     Attributes:
-        position: |measured − true| at most, m or rad.
-        differenced: whether the velocity is the difference of two measured positions; it is exact
-            otherwise.
+        position: largest |measured − true| position, m or rad.
+        differenced: true if the velocity is the difference of two measured positions over the
+            sample period, false if it is exact.
     """
 
     position: Scalar
@@ -35,45 +40,59 @@ class SensorError(NamedTuple):
 
 
 class Sensor(eqx.Module):
-    """Turns the state at a tick into a measurement; carries what it must remember."""
+    """Base class of sensors: the measurement of the state at each sample, with a memory."""
 
     @abc.abstractmethod
     def error(self) -> SensorError:
-        """The bounds of its errors."""
+        """Return the bounds of the measurement errors."""
 
     @abc.abstractmethod
     def initial(self, position: Scalar) -> Any:
-        """The memory before the first tick, the axis resting at `position`."""
+        """Return the memory of the sensor before the first sample, at rest at `position`."""
 
     @abc.abstractmethod
     def read(
         self, memory: Any, position: Scalar, velocity: Scalar, period: Scalar
     ) -> tuple[Measurement, Any]:
-        """The measurement at a tick, and the memory for the next one, `period` seconds later."""
+        """Return the measurement at one sample, and the memory for the next one.
+
+        Args:
+            memory: memory of the sensor.
+            position: true position, m or rad.
+            velocity: true velocity, m/s or rad/s.
+            period: sample period, s.
+        """
 
 
 class IdealSensor(Sensor):
-    """Exact position and velocity."""
+    """A sensor that measures position and velocity exactly."""
 
     def error(self) -> SensorError:
+        """Return errors of zero."""
         return SensorError(jnp.zeros(()), differenced=False)
 
     def initial(self, position: Scalar) -> tuple[()]:
+        """Return the empty memory."""
         return ()
 
     def read(
         self, memory: tuple[()], position: Scalar, velocity: Scalar, period: Scalar
     ) -> tuple[Measurement, tuple[()]]:
+        """Return the true position and velocity, and the empty memory."""
         return Measurement(position, velocity), ()
 
 
 class Encoder(Sensor):
-    """A quantised position, and the velocity by its backward difference.
+    """An encoder: a quantised position, and a velocity by its backward difference.
 
-    What it reads has no derivative, and differentiating through it is refused; use `IdealSensor`.
+    Its readings have no derivative. Differentiation through them raises an error; use
+    `IdealSensor`.
 
     Attributes:
-        resolution: of one count, m or rad; zero for a position that is exact.
+        resolution: encoder resolution (one count), m or rad; zero for exact positions.
+
+    Raises:
+        ValueError: if `resolution` is below zero or not finite.
     """
 
     resolution: Scalar = eqx.field(converter=as_array("resolution"))
@@ -82,19 +101,29 @@ class Encoder(Sensor):
         require_at_least_zero("resolution", "an encoder", self.resolution)
 
     def error(self) -> SensorError:
+        """Return the bounds of the errors: half a count, and a velocity by differences."""
         return SensorError(self.resolution / 2, differenced=True)
 
     def initial(self, position: Scalar) -> Scalar:
+        """Return the quantised position before the first sample."""
         return self.quantise(position)
 
     def read(
         self, memory: Scalar, position: Scalar, velocity: Scalar, period: Scalar
     ) -> tuple[Measurement, Scalar]:
+        """Return the quantised position and its backward difference, and the position as memory.
+
+        Args:
+            memory: quantised position of the sample before, m or rad.
+            position: true position, m or rad.
+            velocity: not used.
+            period: sample period, s.
+        """
         count = self.quantise(position)
         return Measurement(count, (count - memory) / period), count
 
     def quantise(self, position: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-        """The nearest multiple of the resolution; the position itself where that is zero.
+        """Return the multiple of the resolution nearest to each position; exact if that is zero.
 
         Raises:
             ValueError: if it is differentiated.

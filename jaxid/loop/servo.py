@@ -1,4 +1,4 @@
-"""The drive that runs a motion and records its log: sample period, encoder, delay, timing."""
+"""The servo that runs a motion and records its log: sample period, encoder, delay, jitter."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,14 +18,17 @@ from jaxid.motion.trajectory import JerkTrajectory, ticks
 
 
 class Servo(eqx.Module):
-    """The drive that runs a motion and records its log.
+    """The servo that runs a motion and records its log: sample period, encoder, delay, jitter.
 
     Attributes:
-        period: between two samples, s. The input is held for one period (zero-order hold).
-        resolution: of the encoder, m or rad; 0 stands for exact positions.
-        delay: whole periods from a command of the controller until it acts.
-        jitter: by which samples and inputs may miss the multiples of the period, s; a tenth of the
-            period at most.
+        period: sample period, s. The input is held for one period (zero-order hold).
+        resolution: encoder resolution, m or rad; 0, the default, for exact positions.
+        delay: number of whole sample periods from a command of the controller until it acts.
+        jitter: largest deviation of samples and inputs from multiples of the period, s; at most a
+            tenth of the period.
+
+    Raises:
+        ValueError: if the period is not above zero, or another value is out of its range.
 
     Example:
         >>> servo = jd.Servo(period=0.001, resolution=1e-6)
@@ -54,18 +57,18 @@ class Servo(eqx.Module):
 
     @property
     def sensor(self) -> Encoder:
-        """What a controller measures: positions by the encoder, velocities by differences."""
+        """The encoder that a controller reads: quantised positions, velocities by differences."""
         return Encoder(self.resolution)
 
     def delayed(self, controller: Controller) -> Controller:
-        """A controller whose commands act as late as this drive lets them."""
+        """Return the controller with the delay of this servo."""
         return Delayed(controller, self.delay) if self.delay else controller
 
     def ticks(self, trajectory: JerkTrajectory) -> int:
-        """How many periods a motion lasts.
+        """Return the number of sample periods that a motion lasts.
 
         Raises:
-            ValueError: if these are not a whole number, two at least.
+            ValueError: if it is not a whole number, or less than two.
         """
         count = ticks(trajectory, self.period)
         require(
@@ -76,11 +79,13 @@ class Servo(eqx.Module):
         return count
 
     def log(self, signals: Signals) -> Log:
-        """What this drive records of a simulated experiment: inputs as they act, positions read.
+        """Return the log that this servo records of a simulated experiment.
+
+        It has the input that acts in each sample period, and quantised positions.
 
         Args:
-            signals: of one plant, in periods of this drive; Runge-Kutta steps within a period are
-                left out.
+            signals: signals of one plant, simulated with the sample period of this servo; states
+                within a sample period are left out.
         """
         steps = (signals.position.size - 1) // signals.input.size
         position = self.sensor.quantise(signals.position[::steps])

@@ -1,4 +1,4 @@
-"""Plant, controller and sensor as one `lax.scan` that returns the Record of the experiment."""
+"""Simulation of plant, controller and sensor as one `lax.scan`, with exact regression rows."""
 
 import functools
 import operator
@@ -27,12 +27,12 @@ WEIGHTS = (1 / 4, 3 / 4)
 
 
 class Plant(eqx.Module):
-    """The axis as it is: its true parameters and disturbance, unknown to everybody else.
+    """The true axis of a simulation: a system with true parameters and a true disturbance.
 
     Attributes:
-        system: its regressors and disturbance bound δ; Δ is clipped to ±δ.
-        theta: the true parameters, shape (m,), in the order and the units of the system's terms.
-        disturbance: the true disturbance, in the unit of the input.
+        system: model with prior box and disturbance bound δ.
+        theta: true parameters θ, shape (m,), in the units of the parameters.
+        disturbance: true disturbance Δ; the simulation clips it to |Δ| ≤ δ.
     """
 
     system: System
@@ -44,15 +44,15 @@ class Plant(eqx.Module):
 
 
 class Signals(NamedTuple):
-    """What happened, to look at. Arrays of n ticks, but for the states of the axis.
+    """The signals of a simulated experiment over time.
 
     Attributes:
-        time: of the start and of the end of every Runge-Kutta step, s.
-        position: true, at these times.
-        velocity: true, at these times.
-        input: as commanded; it is not clipped, a limit exceeded is a violation to report.
-        reference: desired states at the ticks.
-        controller: the controller's state after each tick.
+        time: start of the experiment and end of every Runge-Kutta step, s.
+        position: true position at these times, m or rad.
+        velocity: true velocity at these times, m/s or rad/s.
+        input: input of each sample period, shape (n,). It is not clipped to any limit.
+        reference: desired states at the n samples.
+        controller: state of the controller after each sample.
     """
 
     time: Float[Array, " steps+1"]
@@ -64,7 +64,7 @@ class Signals(NamedTuple):
 
     @property
     def counted(self) -> Bool[Array, " n"]:
-        """Which ticks there are: the others, that only fill up the arrays, take no time."""
+        """A mask of the samples that take time; the others are padding, shape (n,)."""
         steps = (self.time.size - 1) // self.input.size
         return jnp.diff(self.time[::steps]) > 0
 
@@ -93,19 +93,23 @@ def simulate(
     period: Scalar | float,
     substeps: int = 1,
 ) -> tuple[Record, Signals]:
-    """Run the axis along a reference, from rest at its first position.
+    """Simulate the axis along a reference, from rest at the first position of the reference.
 
-    Within a tick the input is constant and (1) is integrated by Runge-Kutta steps. The Record holds
-    the means of φ, δ and Δ over the tick *as these steps form them*, so that u = φᵀθ + Δ holds to
-    rounding in every row, however long the tick. (The motor: one step of 0.2 ms leaves 1e-6 m.)
+    Within a sample period the input is constant and (1) is integrated by Runge-Kutta steps. The
+    rows of the record are the means of φ, δ and Δ over the sample period *as these steps form
+    them*, so that u = φᵀθ + Δ holds to rounding in every row, at any sample period. (For the motor,
+    one step per 0.2 ms gives an error of 1e-6 m.)
 
     Args:
-        plant: the true axis.
-        controller: any feedback law.
-        sensor: what the controller sees.
-        reference: desired states, one per tick, n in all.
-        period: of the controller, s.
-        substeps: Runge-Kutta steps per tick.
+        plant: true axis.
+        controller: controller of the axis.
+        sensor: sensor that the controller reads.
+        reference: desired states, one per sample, n in all.
+        period: sample period of the controller, s.
+        substeps: number of Runge-Kutta steps per sample period.
+
+    Returns:
+        The exact regression rows with their inputs, and the signals.
     """
     ticks, period = reference.position.size, jnp.asarray(period)
 
@@ -144,7 +148,7 @@ def _hold(
     period: Scalar,
     substeps: int,
 ) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...], tuple[Scalar, ...]]:
-    """One tick under a constant input: states after every step, and the means of φ, δ, Δ."""
+    """Return the states after every step of one sample period, and the means of φ, δ, Δ."""
     step = period / substeps
     ys, vs, steps = [], [], []
     for k in range(substeps):
@@ -174,7 +178,7 @@ def _runge_kutta(
 
 
 def _rows(plant: Plant, moment: Moment, y: Scalar, v: Scalar, u: Scalar) -> tuple[Scalar, ...]:
-    """φ, δ and Δ at one instant, the acceleration being what (1) makes of u."""
+    """Return φ, δ and Δ at one instant, with the acceleration that (1) gives for u."""
     delta = plant.system.disturbance_bound(y, v)
     disturbance = jnp.clip(plant.disturbance(moment, y, v, delta), -delta, delta)
     acceleration = plant.system.acceleration(y, v, u - disturbance, plant.theta)

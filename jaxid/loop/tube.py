@@ -53,17 +53,17 @@ from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory, States, reference, ticks_of
 from jaxid.motion.violation import Envelope, Prediction
 
-# outward at every tick and of every result, relative to 1 and to what is rounded: far more than all
-# roundings of one tick
+# widening of ranges at every sample, and of the result, relative to 1 and to the value: far more
+# than the rounding errors of one sample
 _ROUNDING = 1e-13
 
 
 def parameter_cells(system: System, parts: tuple[int, ...]) -> Range:
-    """Ω_θ cut into c cells of equal size, as ranges of shape (c, m).
+    """Return Ω_θ divided into c cells of equal size, as ranges of shape (c, m).
 
     Args:
-        system: with its box.
-        parts: how many along each of the m parameters.
+        system: system with its prior box Ω_θ.
+        parts: number of cells along each of the m parameters; c is their product.
     """
     edges = [
         np.linspace(float(term.interval[0]), float(term.interval[1]), count + 1)
@@ -75,16 +75,19 @@ def parameter_cells(system: System, parts: tuple[int, ...]) -> Range:
 
 
 class Tube(Prediction):
-    """The ranges above along a motion: a proof for every plant of Ω_θ × {|Δ| ≤ δ}.
+    """A prediction of the axis under ARC, proved for every θ in Ω_θ and every |Δ| ≤ δ.
+
+    The derivation is in the module `jaxid.loop.tube`.
 
     Attributes:
-        controller: the law of `ARC` itself, none derived from it; θ̂ may be anywhere in Ω_θ where it
-            adapts, and is best frozen.
-        sensor: what the controller sees.
-        cells: of θ, shape (c, m), that cover Ω_θ; what they leave out is not proved.
-        period: of the controller, s.
-        ticks: of the longest motion; after the last tick of a shorter one its ranges stay.
-        repeats: how many times it is run, back to back, from rest.
+        controller: adaptive robust controller, `ARC` itself and not a subclass. Where it adapts, θ̂
+            may be anywhere in Ω_θ; the ranges are narrowest without adaptation.
+        sensor: sensor that the controller reads.
+        cells: cells of θ, shape (c, m), that cover Ω_θ; nothing is proved outside them.
+        period: sample period of the controller, s.
+        ticks: number of samples of the longest motion; after the end of a shorter one its last
+            ranges are repeated.
+        repeats: number of times that the motion is run, back to back, from rest.
     """
 
     controller: ARC
@@ -96,9 +99,15 @@ class Tube(Prediction):
 
     @property
     def system(self) -> System:
+        """The system that the controller compensates."""
         return self.controller.system
 
     def __call__(self, trajectory: JerkTrajectory) -> Envelope:
+        """Return the proved ranges of position, velocity and input of the axis, one per sample.
+
+        Raises:
+            ValueError: if an array of the motion or the cells is not float64.
+        """
         require_float64(trajectory=trajectory, cells=self.cells, controller=self.controller)
         return _merged(self, trajectory)
 
@@ -122,7 +131,7 @@ class _Now(NamedTuple):
 
 
 class _Cell(NamedTuple):
-    """One box of θ, and what the loop knows of θ̂ and of the sensor."""
+    """One cell of θ, with the ranges of θ̂ and the errors of the sensor."""
 
     law: ARC
     period: Scalar
@@ -132,7 +141,7 @@ class _Cell(NamedTuple):
 
     @property
     def jitter(self) -> Scalar:
-        """The most that |q/h| can be, if velocities are differences."""
+        """The largest |q/h| if velocities are differences, otherwise zero."""
         return self.error.position / self.period if self.error.differenced else jnp.zeros(())
 
     @property
@@ -147,7 +156,7 @@ def _merged(tube: Tube, trajectory: JerkTrajectory) -> Envelope:
     ticks = ticks_of(trajectory, tube.period, tube.ticks, tube.repeats)
 
     def union(x: Range) -> Range:
-        # a range that is no number bounds nothing
+        # NaN bounds nothing
         lower = jnp.where(jnp.isnan(x.lower), -jnp.inf, x.lower)
         upper = jnp.where(jnp.isnan(x.upper), jnp.inf, x.upper)
         lower, upper = (jax.vmap(ticks.by_repeat)(end) for end in (lower, upper))
@@ -158,7 +167,7 @@ def _merged(tube: Tube, trajectory: JerkTrajectory) -> Envelope:
 
 
 def _changes(tube: Tube, trajectory: JerkTrajectory) -> _Now:
-    """From tick to tick of all repeats: a motion that does not end where it began jumps back."""
+    """Return the reference of all repeats and its changes from sample to sample."""
     at = reference(trajectory, tube.period, tube.ticks, tube.repeats)
     end = trajectory.states(trajectory.duration[None])
     y, v, _ = (jnp.concatenate([x, last]) for x, last in zip(at, end, strict=True))
@@ -226,7 +235,7 @@ def _next(
         speeds.append(keep * s - h * K * k1 * inverse * e + shaken(keep) + pushed)
         keep = 1 + b - h * K * inverse
         combined.append(keep * p - k1 * b * e + shaken(keep) + k1 * remainder + pushed)
-    # the coarsest rounding is that of a difference of positions over one tick
+    # the largest rounding error is that of a difference of positions over one sample
     spare = around(_ROUNDING * (1 + jnp.abs(now.at.position) / h))
     e = (1 - h * k1) * e + h * (p + around(shift * cell.jitter)) + remainder + spare
     s, p = (functools.reduce(operator.or_, ends) + spare for ends in (speeds, combined))
@@ -235,7 +244,7 @@ def _next(
 
 
 def _middle(gain: Range, cell: _Cell) -> Scalar:
-    """The κ in the middle of all λ of a tick."""
+    """Return the κ in the middle of the range of λ of a sample."""
     low = cell.hat[0].lower * cell.law.k1 + gain.lower
     high = cell.hat[0].upper * cell.law.k1 + gain.upper
     inverse = cell.inverse_inertia
@@ -251,7 +260,7 @@ def _within(cell: _Cell, place: Range, speed: Range, u: Range) -> tuple[Range, R
         delta = cell.law.system.disturbance_bound.range(there, speed).upper
         return around(delta) - _forces(cell.law.system, cell.theta, there, speed)
 
-    # a guess that is checked: twice what would do if no force changed within the tick
+    # a guess, checked below: twice the acceleration if no force changed within the sample
     most = 2 * inverse.upper * abs(u + push(speed)).upper + 1.0
     wide = inverse * (u + push(speed + around(h * most)))
     wide = where(abs(wide).upper <= most, wide, around(jnp.inf))
@@ -279,13 +288,13 @@ def _entries(x: Range) -> tuple[Range, ...]:
 
 
 def _between(start: Range, end: Range, rate: Range, period: Scalar) -> Range:
-    """What a value can be within a tick, from its ends and its rate."""
+    """Return the range of a value within a sample period, from its ends and its rate."""
     mirrored = _peak(-start.lower, -end.lower, -rate, period)
     return Range(-mirrored, _peak(start.upper, end.upper, rate, period))
 
 
 def _peak(start: Scalar, end: Scalar, rate: Range, period: Scalar) -> Scalar:
-    """The highest point below the lines start + rate.upper·t and end − rate.lower·(h − t)."""
+    """Return the highest point below the lines start + rate.upper·t and end − rate.lower·(h−t)."""
     fast, slow = rate.upper, rate.lower
     meet = (end - slow * period - start) / jnp.where(fast > slow, fast - slow, 1.0)
     times = (

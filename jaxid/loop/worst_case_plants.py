@@ -1,4 +1,4 @@
-"""Plants that bring the axis as near to its limits, or as far beyond them, as a search can find."""
+"""A local search for the plants that exceed the limits of the axis the most."""
 
 import equinox as eqx
 import jax
@@ -14,7 +14,7 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
-_ROUNDS = 6  # of sign steps: a loop that tracks well is nearly linear in Δ, and one nearly suffices
+_ROUNDS = 6  # sign steps; one nearly suffices if the loop tracks well: it is almost linear in Δ
 _SIDES = 6  # position, velocity and input, each below and above
 
 
@@ -33,25 +33,26 @@ def find_worst_case_plants(
     key: PRNGKeyArray,
     count: int,
 ) -> Scenarios:
-    """`count` plants, each searched for one side of one limit in turn.
+    """Return `count` plants, each found by a local search for the largest excess of one limit.
 
-    From random points of Ω_θ, and corners next to such points, in turn, with random Δ; then θ goes
-    to the corner and Δ to the end of ±δ that the slope of the largest excess points to, several
-    times; the worst is kept.
+    The plants take the lower and upper limits of position, velocity and input in turn. Each search
+    starts at a random point of Ω_θ, or at the corner next to it, with random Δ. It moves θ to
+    corners and Δ to ±δ by the sign of the gradient of the excess, six times, and keeps the worst
+    plant.
 
     Args:
-        loop: with a sensor that has slopes (`IdealSensor`).
-        system: whose box and δ the plants keep.
-        limits: of the axis.
-        trajectory: the motion.
-        key: of the random starts; plant k depends on it and on k alone.
-        count: of plants.
+        loop: closed loop, with a sensor that can be differentiated (`IdealSensor`).
+        system: system whose prior box and δ the plants keep.
+        limits: limits of the axis.
+        trajectory: motion.
+        key: JAX key of the random starts; plant k depends only on it and on k.
+        count: number of plants.
     """
     first, second = jax.random.split(key)
     inner = random_parameters(first, system, count)
     which = jnp.arange(count)
     corners = jnp.where(inner > system.centre[None], system.upper[None], system.lower[None])
-    # every side meets corners and inner points
+    # every side is searched from corners and from inner points
     theta = jnp.where((which // _SIDES % 2 == 0)[:, None], corners, inner)
     forces = random_forces(second, loop.ticks * loop.repeats, count)
     starts = _Plants(theta, forces.shares)

@@ -1,4 +1,4 @@
-"""δ: what everything unmodelled stays below, by position and velocity (3)."""
+"""The disturbance bound δ(y, ẏ): the largest magnitude of all unmodelled effects (3)."""
 
 import abc
 
@@ -15,28 +15,35 @@ _OWNER = "a disturbance bound δ"
 
 
 class DisturbanceBound(eqx.Module):
-    """δ(y, ẏ) > 0 with |Δ| ≤ δ, in the unit of the input (3)."""
+    """Base class of disturbance bounds: δ(y, ẏ) > 0 with |Δ| ≤ δ, in the unit of the input (3)."""
 
     @abc.abstractmethod
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
-        """δ at each pair of position and velocity."""
+        """Return δ at each pair of position and velocity, in the unit of the input."""
 
     @abc.abstractmethod
     def range(self, position: Range, velocity: Range) -> Range:
-        """All values of δ while position and velocity stay in their ranges; wider is allowed."""
+        """Return a range that contains δ for all positions and velocities in the given ranges."""
 
     def describe(self, unit: str, speed: str) -> str:
-        """What |Δ| is at most, in words.
+        """Return the disturbance bound in words and numbers, for reports.
 
         Args:
-            unit: of the input.
-            speed: unit of ẏ.
+            unit: unit of the input, e.g. "V".
+            speed: unit of ẏ, e.g. "m/s".
         """
         return f"δ of {type(self).__name__}, in {unit}"
 
 
 class ConstantBound(DisturbanceBound):
-    """One level at all positions and speeds."""
+    """A disturbance bound δ that is the same at all positions and velocities.
+
+    Attributes:
+        level: value of δ, in the unit of the input; above zero.
+
+    Raises:
+        ValueError: if `level` is not above zero and finite.
+    """
 
     level: Scalar = eqx.field(converter=as_array("level"))
 
@@ -47,17 +54,26 @@ class ConstantBound(DisturbanceBound):
         return self.level * jnp.ones_like(velocity)
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the range that holds only `level`, whatever position and velocity are."""
         return exactly(self(position.lower, velocity.lower))
 
     def describe(self, unit: str, speed: str) -> str:
+        """Return the level of δ with its unit, e.g. "6 N"."""
         return f"{float(self.level):g} {unit}"
 
 
 class SpeedBand(DisturbanceBound, Nonsmooth):
-    """One level up to a threshold of |ẏ| and another above it (33).
+    """A disturbance bound δ with one level at low speed and another above a threshold of |ẏ| (33).
 
-    `blend` spreads the jump over about that speed; zero, the default, is the exact bound, in which
-    the threshold itself belongs to the slow side.
+    Attributes:
+        slow: δ where |ẏ| ≤ `threshold`, in the unit of the input; above zero.
+        fast: δ where |ẏ| > `threshold`, in the unit of the input; above zero.
+        threshold: speed at which δ jumps, m/s or rad/s; at least zero.
+        blend: speed range over which the jump is smoothed, m/s or rad/s; zero, the default, is the
+            exact bound.
+
+    Raises:
+        ValueError: if one of them is out of its range.
     """
 
     slow: Scalar = eqx.field(converter=as_array("slow"))
@@ -78,21 +94,32 @@ class SpeedBand(DisturbanceBound, Nonsmooth):
         return self.fast + (self.slow - self.fast) * share
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the exact range of δ over the range of the velocity, at any position."""
         slowest, fastest = (self(position.lower, speed) for speed in abs(velocity))
         return exactly(slowest) | fastest  # monotone in |ẏ|
 
     def describe(self, unit: str, speed: str) -> str:
+        """Return both levels of δ and the threshold speed, with their units."""
         return (
             f"{float(self.slow):g} {unit} up to {float(self.threshold):g} {speed} and "
             f"{float(self.fast):g} {unit} above"
         )
 
     def smoothed(self, speed: Motion) -> "SpeedBand":
+        """Return a copy whose jump is spread over `speed` (m/s or rad/s) more than before."""
         return SpeedBand(self.slow, self.fast, self.threshold, self.blend + speed)
 
 
 class ScaledBound(DisturbanceBound):
-    """s·δ, for another δ and s > 0."""
+    """Another disturbance bound times a constant factor.
+
+    Attributes:
+        bound: disturbance bound δ that is scaled.
+        factor: factor of δ, above zero.
+
+    Raises:
+        ValueError: if `factor` is not above zero and finite.
+    """
 
     bound: DisturbanceBound
     factor: Scalar = eqx.field(converter=as_array("factor"))
@@ -104,14 +131,24 @@ class ScaledBound(DisturbanceBound):
         return self.factor * self.bound(position, velocity)
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return `factor` times the range of the other disturbance bound."""
         return self.factor * self.bound.range(position, velocity)
 
     def describe(self, unit: str, speed: str) -> str:
+        """Return the factor, followed by the description of the other disturbance bound."""
         return f"{float(self.factor):g} times {self.bound.describe(unit, speed)}"
 
 
 class NearbyVelocityBound(DisturbanceBound):
-    """Another δ, at its largest while the velocity is off by up to `reach` (m/s or rad/s)."""
+    """The largest value of another disturbance bound over all velocities within `reach` of ẏ.
+
+    Attributes:
+        bound: disturbance bound δ whose largest value is taken.
+        reach: largest deviation of the velocity, m/s or rad/s; at least zero.
+
+    Raises:
+        ValueError: if `reach` is below zero or not finite.
+    """
 
     bound: DisturbanceBound
     reach: Scalar = eqx.field(converter=as_array("reach"))
@@ -123,8 +160,10 @@ class NearbyVelocityBound(DisturbanceBound):
         return self.range(exactly(position), exactly(velocity)).upper
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the range of the other disturbance bound with `velocity` widened by ±`reach`."""
         return self.bound.range(position, velocity + around(self.reach))
 
     def describe(self, unit: str, speed: str) -> str:
+        """Return the other bound in words, followed by the deviation of the velocity."""
         inner = self.bound.describe(unit, speed)
         return f"{inner}, while the velocity is off by up to {float(self.reach):g} {speed}"

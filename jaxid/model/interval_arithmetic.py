@@ -2,8 +2,8 @@
 
 An expression of ranges is written like one of numbers, `M * a + B * v`, and its result contains
 every value that it takes while each operand takes any value of its range, independently of the
-others: `x - x` is not zero. Rounding is not directed: who prints an end as a guarantee leaves room
-for it.
+others: `x - x` is not zero. Rounding is not directed: leave room for it before you report an end
+as a guarantee.
 """
 
 from collections.abc import Callable, Iterator
@@ -31,17 +31,17 @@ class Range(eqx.Module):
     """All numbers from `lower` to `upper`, entry by entry, with the operators of numbers.
 
     `+`, `-`, `*`, `/` and `abs` give the range of the result. `x | y` is the smallest range that
-    contains both (the hull), `x & y` what both have in common (the intersection). One operand may
-    be a number or an array, of JAX or NumPy, on either side: it stands for the range of that one
-    value, and as a divisor must not be zero. `lower, upper = x` unpacks the ends.
+    contains both (the hull), `x & y` the intersection. One operand may be a number or an array, of
+    JAX or NumPy, on either side: it stands for the range of that one value, and must not be zero as
+    a divisor. `lower, upper = x` unpacks the ends.
 
-    A range whose lower end is above its upper one is empty, as `x & y` is if x and y have no value
-    in common. Of the operators only `&` is sure to keep it empty: look at it before others follow.
-    An end that is NaN, as 0·∞ is, bounds nothing.
+    A range whose lower end is above its upper end is empty, as `x & y` is if x and y have no value
+    in common. Only `&` is sure to keep an empty range empty: check for it before you apply another
+    operator. An end that is NaN, such as 0·∞, bounds nothing.
 
     Attributes:
-        lower: of any shape.
-        upper: of the same shape.
+        lower: lower ends, an array of any shape.
+        upper: upper ends, of the same shape.
     """
 
     lower: Values = eqx.field(converter=jnp.asarray)
@@ -51,12 +51,12 @@ class Range(eqx.Module):
 
     @property
     def middle(self) -> Values:
-        """Half-way between the ends."""
+        """The midpoint of the range, entry by entry."""
         return (self.lower + self.upper) / 2
 
     @property
     def half_width(self) -> Values:
-        """Half the distance between the ends; below zero if the range is empty."""
+        """Half the distance between the ends, entry by entry; below zero if the range is empty."""
         return (self.upper - self.lower) / 2
 
     def __iter__(self) -> Iterator[Values]:
@@ -93,7 +93,7 @@ class Range(eqx.Module):
         return exactly(self.lower / divisor) | self.upper / divisor
 
     def __rtruediv__(self, other: Number) -> "Range":
-        """All numbers if the divisor may be zero."""
+        """Return the range of `other`/x; all real numbers where x contains zero."""
         quotient = exactly(other / self.lower) | other / self.upper
         return where(_holds_zero(self), around(jnp.inf), quotient)
 
@@ -108,7 +108,11 @@ class Range(eqx.Module):
     __radd__, __rmul__, __ror__, __rand__ = __add__, __mul__, __or__, __and__
 
     def __eq__(self, other: object) -> Any:
-        """Whether all ends of two ranges are the same; any other comparison is refused below."""
+        """Return whether two ranges have equal ends.
+
+        Raises:
+            TypeError: if `other` is not a range.
+        """
         return super().__eq__(other) if isinstance(other, Range) else self < other
 
     __lt__ = __le__ = __gt__ = __ge__ = __contains__ = _refused(
@@ -123,17 +127,17 @@ class Range(eqx.Module):
 
 
 def exactly(value: Number) -> Range:
-    """The range that holds one number, or one array entry by entry."""
+    """Return the range that holds one number only, or one array entry by entry."""
     return Range(value, value)
 
 
 def around(radius: Values | float) -> Range:
-    """±radius: all numbers from −radius to radius."""
+    """Return the range from −radius to radius, entry by entry."""
     return Range(-radius, radius)
 
 
 def where(condition: Bool[Array, "..."], one: Range, other: Range) -> Range:
-    """One range where a condition holds and the other elsewhere, entry by entry."""
+    """Return the range `one` where the condition holds and `other` elsewhere, entry by entry."""
     return jax.tree.map(lambda x, y: jnp.where(condition, x, y), one, other)
 
 
@@ -142,10 +146,10 @@ def _holds_zero(x: Range) -> Bool[Array, "*shape"]:
 
 
 def _ends(operand: Any) -> tuple[Number, Number]:
-    """Of a range; of a number, twice itself.
+    """Return the ends of a range, or a number twice.
 
     Raises:
-        TypeError: if it is neither.
+        TypeError: if the operand is neither a range nor a number or array.
     """
     if isinstance(operand, Range):
         return operand.lower, operand.upper

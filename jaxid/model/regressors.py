@@ -1,4 +1,4 @@
-"""What multiplies the unknown parameters: known functions of position and velocity."""
+"""Regressors: known functions of position and velocity that multiply the unknown parameters."""
 
 import abc
 import functools
@@ -15,40 +15,43 @@ from jaxid._types import Interval, Motion, Scalar, as_array, as_interval
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.smoothing import Nonsmooth
 
-_CELLS = 64  # per side, in which a user's own regressor is looked at for (18)
-_TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a range, if nothing is known of its slopes
+_CELLS = 64  # per side of (y, ẏ), for the magnitude of a user's regressor in (18)
+_TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # fractions of a range at which f is sampled
 
 
 class Regressor(eqx.Module):
-    """A known function f(y, ẏ) that multiplies one unknown parameter."""
+    """Base class of regressors: a known function f(y, ẏ) that multiplies one unknown parameter."""
 
     @abc.abstractmethod
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
-        """F at each pair of position and velocity."""
+        """Return f at each pair of position and velocity."""
 
     @abc.abstractmethod
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
-        """An upper bound of |f| while position and velocity stay in their intervals, for (18)."""
+        """Return an upper bound of |f| over intervals of position and velocity, for (18)."""
 
     @abc.abstractmethod
     def range(self, position: Range, velocity: Range) -> Range:
-        """All values of f while position and velocity stay in their ranges; wider is allowed."""
+        """Return a range that contains f for all positions and velocities in the given ranges."""
 
     @property
     def proved(self) -> bool:
-        """Whether `range` really holds all values, or only those that were tried."""
+        """True if `range` is certain to contain all values of f, False if samples estimate it."""
         return True
 
 
 class Custom(Regressor):
-    """A user's own f(y, ẏ), with bounds of its slopes or without.
+    """A user-defined regressor f(y, ẏ), with or without bounds on its partial derivatives.
 
-    Without them its values between any points are only estimated, by some that are tried, and what
-    rests on them is marked so.
+    Without these bounds, its range is estimated from samples; parameters whose results depend on
+    that estimate are listed in `System.estimated`.
 
     Attributes:
-        function: of arrays of one shape.
-        slopes: |∂f/∂y| and |∂f/∂ẏ| at most, where f is used.
+        function: f of two arrays of one shape, position and velocity; returns that shape.
+        slopes: largest |∂f/∂y| and |∂f/∂ẏ| wherever f is used, in SI units; None if unknown.
+
+    Raises:
+        ValueError: if a slope is below zero or not finite.
     """
 
     function: Callable[[Motion, Motion], Motion] = eqx.field(static=True)
@@ -64,7 +67,10 @@ class Custom(Regressor):
         return self.function(position, velocity)
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
-        """Over cells of the box, in each of which `range` holds."""
+        """Return an upper bound of |f|, the largest over 64 × 64 cells of position and velocity.
+
+        Without `slopes`, it is an estimate from samples.
+        """
         shares = jnp.linspace(0.0, 1.0, _CELLS + 1)
         (y0, y1), (v0, v1) = (
             (low + shares[:-1] * (high - low), low + shares[1:] * (high - low))
@@ -77,7 +83,10 @@ class Custom(Regressor):
         return jnp.max(abs(values).upper)
 
     def range(self, position: Range, velocity: Range) -> Range:
-        """By the slopes from the middle on; without them, as far as points that are tried show."""
+        """Return a range of f: its value at the midpoint ± its largest change by `slopes`.
+
+        Without `slopes`, it is the range of 5 × 5 samples, an estimate.
+        """
         if self.slopes is not None:
             reach = self.slopes[0] * position.half_width + self.slopes[1] * velocity.half_width
             return self(position.middle, velocity.middle) + around(reach)
@@ -95,26 +104,35 @@ class Custom(Regressor):
 
     @property
     def proved(self) -> bool:
+        """True if `slopes` is given, so that `range` is certain to contain all values of f."""
         return self.slopes is not None
 
 
 class Viscous(Regressor):
-    """f = ẏ."""
+    """Viscous friction: the regressor f = ẏ, in m/s or rad/s."""
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return velocity
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """Return the largest |ẏ| in the interval of the velocity."""
         return jnp.max(jnp.abs(velocity))
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the range of the velocity, which is that of f."""
         return velocity
 
 
 class Coulomb(Regressor, Nonsmooth):
-    """f = S_f(ẏ) = (2/π)·arctan(β ẏ), a smooth sign of the velocity. β in s/m or s/rad.
+    """Coulomb friction: the regressor f = S_f(ẏ) = (2/π)·arctan(β ẏ), a smooth sign of ẏ.
 
-    `blend` notches it around zero over about that speed; zero, the default, is the exact regressor.
+    Attributes:
+        beta: β, the steepness of the smooth sign, in s/m or s/rad; above zero.
+        blend: speed range around zero over which f is flattened for a search, m/s or rad/s; zero,
+            the default, is the exact regressor.
+
+    Raises:
+        ValueError: if `beta` is not above zero, or `blend` is below zero, or one is not finite.
     """
 
     beta: Scalar = eqx.field(converter=as_array("beta"))
@@ -127,53 +145,64 @@ class Coulomb(Regressor, Nonsmooth):
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         sign = (2 / jnp.pi) * jnp.arctan(self.beta * velocity)
         square, width = velocity**2, self.blend**2
-        # a smaller β would spread the sign too, but its tails reach far beyond the speed asked for
+        # a smaller β would smooth the sign too, but its tails reach far beyond that speed
         return sign * jnp.where(width > 0, square / jnp.where(width > 0, square + width, 1.0), 1.0)
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """Return 1, the limit of |f| at high speed."""
         # "always between -1 and 1", as the paper puts it; the sign itself in the limit β → ∞
         return jnp.ones(())
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the exact range of f, which is monotone in ẏ."""
         return Range(*(self(x, v) for x, v in zip(position, velocity, strict=True)))  # monotone
 
     def smoothed(self, speed: Motion) -> "Coulomb":
+        """Return a copy that is flattened around zero over a further `speed` (m/s or rad/s)."""
         return Coulomb(self.beta, self.blend + speed)
 
 
 class Constant(Regressor):
-    """f = 1: an offset."""
+    """A constant offset of the input: the regressor f = 1."""
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return jnp.ones_like(velocity)
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """Return 1, the value of f."""
         return jnp.ones(())
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the range that holds only 1, in the shape of the velocity."""
         return exactly(jnp.ones_like(velocity.lower))
 
 
 class Sign(Regressor):
-    """f = sign(ẏ): dry friction, which at rest may be anything from −1 to 1.
+    """Dry friction with a jump at rest: the regressor f = sign(ẏ), between −1 and 1 at ẏ = 0.
 
-    A simulation takes zero there. For a search by gradients `Coulomb` with a large β is the better
-    choice, since the slope of a sign is zero.
+    A simulation takes f = 0 at ẏ = 0. For a search by gradients `Coulomb` with a large β is better,
+    because the derivative of a sign is zero.
     """
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return jnp.sign(velocity)
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """Return 1, the largest |f|."""
         return jnp.ones(())
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the range of sign(ẏ); at ẏ = 0 it is [−1, 1]."""
         lower, upper = velocity
         return Range(jnp.where(lower > 0, 1.0, -1.0), jnp.where(upper < 0, -1.0, 1.0))
 
 
 class Spring(Regressor):
-    """f = y − rest."""
+    """A linear spring: the regressor f = y − rest, in m or rad.
+
+    Attributes:
+        rest: position at which the spring exerts no force, m or rad.
+    """
 
     rest: Scalar = eqx.field(converter=as_array("rest"), default=0.0)
 
@@ -181,20 +210,23 @@ class Spring(Regressor):
         return position - self.rest
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """Return the largest |y − rest| in the interval of the position."""
         return jnp.max(jnp.abs(position - self.rest))
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the exact range of y − rest."""
         return position - self.rest
 
 
 class OneWay(Regressor):
-    """Another regressor while the axis moves forward, or backward, and zero otherwise.
+    """Another regressor in one direction of motion only, and zero in the other and at rest.
 
-    Two of them make friction that depends on the direction.
+    Two of them, forward and backward, model friction that depends on the direction.
 
     Attributes:
-        regressor: of velocity, zero at rest unless it jumps there.
-        forward: ẏ > 0; or else ẏ < 0.
+        regressor: regressor in that direction, a function of velocity that is zero at rest unless
+            it jumps there.
+        forward: True for ẏ > 0, the default; False for ẏ < 0.
     """
 
     regressor: Regressor
@@ -205,10 +237,11 @@ class OneWay(Regressor):
         return jnp.where(moves, self.regressor(position, velocity), 0.0)
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """Return the upper bound of |f| of the other regressor over the same intervals."""
         return self.regressor.magnitude(position, velocity)
 
     def range(self, position: Range, velocity: Range) -> Range:
-        """That of the other regressor where the axis moves so, and zero if it may not."""
+        """Return the range of the other regressor in its direction, and zero elsewhere."""
         lower, upper = velocity
         clip = jnp.maximum if self.forward else jnp.minimum
         moving = self.regressor.range(position, Range(clip(lower, 0.0), clip(upper, 0.0)))
@@ -218,15 +251,19 @@ class OneWay(Regressor):
 
     @property
     def proved(self) -> bool:
+        """True if the range of the other regressor is certain to contain all its values."""
         return self.regressor.proved
 
 
 class Sine(Regressor):
-    """f = sin(2π y/pitch + phase): gravity on a joint (y in rad), or a harmonic of cogging.
+    """A periodic force: f = sin(2π y/pitch + phase), such as gravity on a joint or cogging.
 
     Attributes:
-        phase: π/2 makes it a cosine.
-        pitch: m or rad until it repeats; default 2π.
+        phase: phase in rad; π/2 makes f a cosine.
+        pitch: period of f, m or rad; default 2π; above zero.
+
+    Raises:
+        ValueError: if `pitch` is not above zero and finite.
     """
 
     phase: Scalar = eqx.field(converter=as_array("phase"), default=0.0)
@@ -239,9 +276,11 @@ class Sine(Regressor):
         return jnp.sin(self._angle(position))
 
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
+        """Return 1, the amplitude of f."""
         return jnp.ones(())
 
     def range(self, position: Range, velocity: Range) -> Range:
+        """Return the exact range of f over the range of the position."""
         low, high = (self._angle(x) for x in position)
         ends = exactly(jnp.sin(low)) | jnp.sin(high)
         crest, trough = (_holds_multiple(low - x, high - x) for x in (jnp.pi / 2, -jnp.pi / 2))
@@ -252,5 +291,5 @@ class Sine(Regressor):
 
 
 def _holds_multiple(low: Motion, high: Motion) -> Array:
-    """Whether a multiple of 2π lies between."""
+    """Return whether a multiple of 2π lies between `low` and `high`."""
     return jnp.ceil(low / (2 * jnp.pi)) <= jnp.floor(high / (2 * jnp.pi))

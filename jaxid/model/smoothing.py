@@ -1,4 +1,4 @@
-"""Things that jump with the speed, and their spreading for a search by gradients."""
+"""Functions with jumps in the velocity, and their smoothing for a gradient-based search."""
 
 import abc
 
@@ -8,11 +8,12 @@ from jaxid._types import Motion
 
 
 class Nonsmooth(eqx.Module):
-    """Something that jumps with the speed."""
+    """Base class of functions of (y, ẏ) that jump at some velocity and can be smoothed there."""
 
     @abc.abstractmethod
     def smoothed(self, speed: Motion) -> "Nonsmooth":
-        """The same thing with its jumps spread over about `speed` (m/s or rad/s).
+        """Return a copy whose jumps are spread over about `speed`, in m/s or rad/s.
 
-        The speed may differ from sample to sample of the motion that it will be applied to.
+        `speed` may be an array, with one value per sample of the motion to which the copy is
+        applied.
         """

@@ -26,9 +26,17 @@ Tree = TypeVar("Tree")
 
 
 class Term(eqx.Module):
-    """One unknown parameter: its name, unit and prior interval, and the regressor it multiplies.
+    """One unknown parameter: its name, unit, prior interval, and the regressor that it multiplies.
 
-    `regressor = None` stands for the acceleration itself: the inertia θ_x2 of (1).
+    Attributes:
+        name: name of the parameter.
+        unit: unit of the parameter.
+        interval: prior interval (lower, upper) of the parameter, in `unit`.
+        regressor: regressor f(y, ẏ); None stands for ÿ, so that the parameter is the inertia
+            θ_x2 of (1).
+
+    Raises:
+        ValueError: if the prior interval is not finite or its lower end is not below its upper end.
     """
 
     name: str = eqx.field(static=True)
@@ -41,13 +49,18 @@ class Term(eqx.Module):
 
 
 class System(eqx.Module):
-    """A second-order axis: `terms[0]` is its inertia, the others are functions of (y, ẏ).
+    """A second-order axis u = φᵀθ + Δ with prior box Ω_θ and disturbance bound δ.
 
     Attributes:
-        terms: one per unknown parameter, m in all.
-        disturbance_bound: δ(y, ẏ), in the unit of the input.
-        input_unit: what u is measured in, for tables and axes.
-        coordinate: "linear" (m) or "rotary" (rad).
+        terms: one per unknown parameter, m in all; the first is the inertia, the others have
+            regressors of (y, ẏ).
+        disturbance_bound: δ(y, ẏ) with |Δ| ≤ δ, in the unit of the input.
+        input_unit: unit of the input u, e.g. "V" or "N".
+        coordinate: "linear" (position in m) or "rotary" (position in rad).
+
+    Raises:
+        ValueError: if the first term is not the only one without a regressor, if names repeat, or
+            if the prior interval of the inertia is not above zero.
 
     Example:
         >>> slide = jd.System(
@@ -91,46 +104,50 @@ class System(eqx.Module):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The m parameter names."""
+        """The names of the m parameters, in the order of θ."""
         return tuple(term.name for term in self.terms)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """The m parameter units."""
+        """The units of the m parameters, in the order of θ."""
         return tuple(term.unit for term in self.terms)
 
     @property
     def lower(self) -> Float[Array, " m"]:
-        """θ_min."""
+        """The lower ends θ_min of the prior intervals, shape (m,), in the parameters' units."""
         return jnp.stack([term.interval[0] for term in self.terms])
 
     @property
     def upper(self) -> Float[Array, " m"]:
-        """θ_max."""
+        """The upper ends θ_max of the prior intervals, shape (m,), in the parameters' units."""
         return jnp.stack([term.interval[1] for term in self.terms])
 
     @property
     def box(self) -> tuple[Range, ...]:
-        """Ω_θ: one range per parameter."""
+        """The prior box Ω_θ as one range per parameter."""
         return tuple(Range(*term.interval) for term in self.terms)
 
     @property
     def half_widths(self) -> Float[Array, " m"]:
-        """Half the width of Ω_θ, parameter by parameter."""
+        """Half the width of each prior interval, shape (m,), in the units of the parameters."""
         return (self.upper - self.lower) / 2
 
     @property
     def centre(self) -> Float[Array, " m"]:
-        """The centre of Ω_θ."""
+        """The centre of the prior box Ω_θ, shape (m,), in the units of the parameters."""
         return (self.upper + self.lower) / 2
 
     @property
     def estimated(self) -> tuple[str, ...]:
-        """The parameters whose regressors are bounded by samples only."""
+        """The names of the parameters whose regressors have a range estimated from samples only."""
         return tuple(t.name for t in self.terms if t.regressor and not t.regressor.proved)
 
     def index(self, name: str) -> int:
-        """The place of a parameter in θ."""
+        """Return the index of a parameter in θ.
+
+        Raises:
+            ValueError: if the system has no parameter of that name.
+        """
         require(
             name in self.names,
             f"Argument `name` must be one of {list(self.names)}, but is {name!r}.",
@@ -138,31 +155,35 @@ class System(eqx.Module):
         return self.names.index(name)
 
     def with_box(self, lower: Float[Array, " m"], upper: Float[Array, " m"]) -> "System":
-        """The same axis with another prior box.
+        """Return the same system with another prior box.
 
         Args:
             lower: θ_min, shape (m,), in the units of the parameters.
-            upper: θ_max, shape (m,); not below `lower`.
+            upper: θ_max, shape (m,), in the units of the parameters; not below `lower`.
         """
         ends = [jnp.stack(pair) for pair in zip(lower, upper, strict=True)]
         return eqx.tree_at(lambda s: [term.interval for term in s.terms], self, ends)
 
     def with_disturbance_bound(self, bound: DisturbanceBound) -> "System":
-        """The same axis with another disturbance bound δ."""
+        """Return the same system with another disturbance bound δ."""
         return eqx.tree_at(lambda s: s.disturbance_bound, self, bound)
 
     def with_scaled_disturbance(self, factor: Scalar | float) -> "System":
-        """The same axis with `factor`·δ for its disturbance bound, `factor` above zero."""
+        """Return the same system with `factor`·δ as its disturbance bound.
+
+        Raises:
+            ValueError: if `factor` is not above zero and finite.
+        """
         return self.with_disturbance_bound(ScaledBound(self.disturbance_bound, factor))
 
     def forces(self, position: Motion, velocity: Motion) -> tuple[Motion, ...]:
-        """f₁ … f_{m−1}: all regressors but the acceleration."""
+        """Return the regressors f₁ … f_{m−1}, i.e. all of φ but ÿ, each in the motion's shape."""
         return tuple(
             term.regressor(position, velocity) for term in self.terms if term.regressor is not None
         )
 
     def force_ranges(self, position: Range, velocity: Range) -> tuple[Range, ...]:
-        """What f₁ … f_{m−1} can be while position and velocity stay in their ranges."""
+        """Return one range per regressor f₁ … f_{m−1} over ranges of position and velocity."""
         return tuple(
             term.regressor.range(position, velocity)
             for term in self.terms
@@ -172,13 +193,20 @@ class System(eqx.Module):
     def regressors(
         self, position: Motion, velocity: Motion, acceleration: Motion
     ) -> tuple[Motion, ...]:
-        """φ(y, ẏ, ÿ) of (2), as m arrays of the motion's shape."""
+        """Return the regressor vector φ(y, ẏ, ÿ) of (2), as m arrays of the motion's shape."""
         return (acceleration, *self.forces(position, velocity))
 
     def acceleration(
         self, position: Motion, velocity: Motion, load: Motion, theta: Float[Array, " m"]
     ) -> Motion:
-        """ÿ from (1) under `load` = u − Δ."""
+        """Return the acceleration ÿ of (1) under an input, in m/s² or rad/s².
+
+        Args:
+            position: y, m or rad.
+            velocity: ẏ, m/s or rad/s.
+            load: u − Δ, the input minus the disturbance, in the unit of the input.
+            theta: θ, shape (m,), in the units of the parameters.
+        """
         return (load - dot(self.forces(position, velocity), theta[1:])) / theta[0]
 
 
@@ -188,7 +216,11 @@ def require_parameters(name: str, owner: str, theta: Float[Array, "..."], system
 
 
 def smoothed(tree: Tree, speed: Motion) -> Tree:
-    """A system, or what holds one, with every jump spread over about `speed`: not for bounds."""
+    """Return a system, or a structure that contains one, with every jump spread over about `speed`.
+
+    `speed` is in m/s or rad/s. The result serves a search by gradients only: its disturbance bound
+    is not a bound of the original system.
+    """
     return jax.tree.map(
         lambda node: node.smoothed(speed) if isinstance(node, Nonsmooth) else node,
         tree,

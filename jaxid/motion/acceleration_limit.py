@@ -1,4 +1,4 @@
-"""The accelerations that the input leaves room for: (18), and what a motion asks of the input."""
+"""The accelerations that the input limit permits (18), and the input that a motion needs."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -13,10 +13,20 @@ from jaxid.motion.trajectory import States
 def acceleration_limit(
     system: System, position: Numbers, velocity: Numbers, input: Numbers
 ) -> Interval:
-    """(18), read sharply: what the input has left for θ_x2·ÿ after Σ_j max|f_j|·max|θ_j|.
+    """Return the acceleration interval that the input limit permits (18), in m/s² or rad/s².
 
-    As in the paper the disturbance and the feedback effort are left out, so that |u| ≤ u_max in
-    closed loop does not follow from it. For the motor 400/9 = 44.4 m/s².
+    It is the input limit, reduced by Σ_j max|f_j|·max|θ_j| and divided by the largest inertia θ_x2.
+    As in the paper, the disturbance and the feedback are left out, so that |u| ≤ u_max in closed
+    loop does not follow from it. For the motor of the paper it is ±400/9 = ±44.4 m/s².
+
+    Args:
+        system: axis with its prior box Ω_θ.
+        position: position limits (lower, upper), m or rad.
+        velocity: velocity limits (lower, upper), m/s or rad/s.
+        input: input limits (lower, upper), in the unit of the input.
+
+    Raises:
+        ValueError: if the other terms may need the whole input.
 
     Example:
         >>> box = {"position": (0.0, 0.5), "velocity": (-1.0, 1.0), "input": (-150.0, 150.0)}
@@ -32,9 +42,16 @@ def acceleration_limit(
 def acceleration_reach(
     system: System, position: Numbers, velocity: Numbers, input: Numbers
 ) -> Interval:
-    """The accelerations that `input_demand` leaves at the state that needs the least for the rest.
+    """Return an interval of all accelerations whose `input_demand` can keep the input limit.
 
-    For the motor 51.9 m/s²: friction may be zero, and the offset and δ may not help.
+    It is wider than `acceleration_limit`, because it assumes the state that needs the least input
+    for all other terms. For the motor of the paper it is ±51.9 m/s².
+
+    Args:
+        system: axis with its prior box Ω_θ and disturbance bound δ.
+        position: position limits (lower, upper), m or rad.
+        velocity: velocity limits (lower, upper), m/s or rad/s.
+        input: input limits (lower, upper), in the unit of the input.
     """
     states = (Range(*as_interval(position)), Range(*as_interval(velocity)))
     needs = system.disturbance_bound.range(*states).lower
@@ -47,16 +64,17 @@ def acceleration_reach(
 
 
 def _least_peak(theta: Range, span: Range) -> Scalar:
-    """The least of max θf over f in a range, θ being the worst of its own: convex in f."""
+    """Return the least of max θ·f over f in `span`, max over θ in its range: convex in f."""
     f = jnp.stack([span.lower, span.upper, jnp.clip(0.0, span.lower, span.upper)])
     return jnp.min((f * theta).upper)
 
 
 def input_demand(system: System, states: States) -> Range:
-    """All inputs that the motion itself may ask for: φᵀθ + Δ over θ ∈ Ω_θ and |Δ| ≤ δ.
+    """Return the range of inputs φᵀθ + Δ that a motion needs over all θ ∈ Ω_θ and all |Δ| ≤ δ.
 
-    The input limit itself, where (18) is one number for all motions: friction helps to brake. What
-    feedback adds is left out.
+    In contrast to (18), which is one interval for all motions, it uses the state at each instant,
+    so that friction helps to brake. The input that feedback adds is not included. The range has the
+    shape of the states, in the unit of the input.
     """
     phi = system.regressors(*states)
     delta = system.disturbance_bound(states.position, states.velocity)

@@ -1,4 +1,4 @@
-"""Whether a motion of some length keeps all limits: one inside of them, or a proof by LP."""
+"""Feasibility of a motion of given length: a motion inside all limits, or a proof by LP of none."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,10 +11,21 @@ from jaxid.motion.violation import worst_violation
 
 
 class InfeasibleError(ValueError):
-    """No motion of this length meets the limits: proved, with the shortest length that does."""
+    """The error raised when no motion of a given length keeps its limits, which is proved.
+
+    Attributes:
+        shortest: smallest feasible number of intervals of constant jerk.
+    """
 
     def __init__(self, intervals: int, period: float, shortage: float, shortest: int) -> None:
-        """Say so in a sentence; `shortage` is the proved relaxation, in half-widths."""
+        """Make the message.
+
+        Args:
+            intervals: number of intervals that is infeasible.
+            period: duration of each interval, s.
+            shortage: proved relaxation that all limits would need, in half-widths of each limit.
+            shortest: smallest feasible number of intervals.
+        """
         self.shortest = shortest
         super().__init__(
             f"Argument `intervals`: no motion of {intervals} intervals of {period:g} s keeps the "
@@ -27,17 +38,18 @@ class InfeasibleError(ValueError):
 def interior(
     limits: Limits, boundary: Boundary, intervals: int, period: float, size: int | None = None
 ) -> JerkTrajectory:
-    """The motion that stays farthest inside all limits, measured in their half-widths.
+    """Return the motion whose smallest margin to all limits, in half-widths, is the largest.
 
     Args:
-        limits: to stay inside of.
-        boundary: to meet.
-        intervals: n, how many pieces of constant jerk.
-        period: T of each, s.
-        size: pad to this many intervals; default no padding.
+        limits: limits of the motion.
+        boundary: start, end and via points of the motion.
+        intervals: number n of intervals of constant jerk.
+        period: duration T of each interval, s.
+        size: number of intervals to pad the result to; default no padding.
 
     Raises:
-        InfeasibleError: if there is none, which a linear program proves.
+        InfeasibleError: if no motion keeps the limits, which a linear program proves.
+        ValueError: if none was found with a margin above zero, but no proof either.
     """
     trajectory, margin = _deepest(limits, boundary, intervals, period, size)
     if trajectory is None and margin < 0:
@@ -55,7 +67,18 @@ def interior(
 def shortest_feasible(
     limits: Limits, boundary: Boundary, period: float, multiple: int = 1, most: int = 2000
 ) -> int:
-    """The smallest number of intervals, a multiple, for which a motion has room to all limits."""
+    """Return the smallest number of intervals of a motion with a margin to all limits.
+
+    Args:
+        limits: limits of the motion.
+        boundary: start, end and via points of the motion.
+        period: duration of each interval, s.
+        multiple: number of which the result is a multiple.
+        most: largest number of intervals that is tried.
+
+    Raises:
+        ValueError: if up to `most` intervals there is none.
+    """
     for intervals in range(multiple, most + 1, multiple):
         if _deepest(limits, boundary, intervals, period)[0] is not None:
             return intervals
@@ -68,7 +91,10 @@ def shortest_feasible(
 def _deepest(
     limits: Limits, boundary: Boundary, intervals: int, period: float, size: int | None = None
 ) -> tuple[JerkTrajectory | None, float]:
-    """The deepest motion, if one has room, and its margin: below zero if none is *proved* to."""
+    """Return the motion of largest margin, if that is positive, and the margin in half-widths.
+
+    A margin below zero is a proof that no motion keeps the limits.
+    """
     margin = 0.0
     for per_interval in (4, 16, 64):
         c = sampled_conditions(limits, boundary, intervals, period, per_interval)
@@ -83,7 +109,7 @@ def _deepest(
 
 
 def _largest_margin(c: Inequalities) -> tuple[Vector, float, float]:
-    """Max s such that every inequality holds with s to spare; also an upper bound of s, proved.
+    """Return the x of largest margin s to all inequalities, s, and a proved upper bound of s.
 
     The bound does not trust the solver. Stack the inequalities as A x + s ≤ b and the equalities as
     E x = f. For any multipliers λ ≥ 0 and μ, s·Σλ ≤ λᵀb + μᵀf − (Aᵀλ + Eᵀμ)ᵀx, where the jerk
@@ -110,7 +136,7 @@ def _largest_margin(c: Inequalities) -> tuple[Vector, float, float]:
     multipliers = np.maximum(-solution.ineqlin.marginals, 0.0)
     others = -solution.eqlin.marginals
     margin = float(solution.x[n])
-    # the solver meets the equalities to 1e-7; this does to rounding, and moves x by as little
+    # the solver meets the equalities to 1e-7: correct x, so that it meets them to rounding
     x = solution.x[:n] - np.linalg.pinv(E) @ (E @ solution.x[:n] - f)
     terms = np.concatenate([multipliers * b, others * f])
     residual = np.sum(np.abs(A.T @ multipliers + E.T @ others))
@@ -120,7 +146,7 @@ def _largest_margin(c: Inequalities) -> tuple[Vector, float, float]:
 
 
 def _grid(boundary: Boundary) -> int:
-    """The smallest count of intervals that puts every via point on a knot."""
+    """Return the smallest number of intervals that puts every via point on a knot."""
     for count in range(1, 100):
         if all(abs(via.at * count - round(via.at * count)) < 1e-9 for via in boundary.vias):
             return count

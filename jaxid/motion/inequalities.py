@@ -14,9 +14,16 @@ Matrix = Float[np.ndarray, "rows n"]
 
 @dataclass(frozen=True)
 class Inequalities:
-    """The linear conditions on x = jerk / unit, sampled in time: lower ≤ rows·x ≤ upper.
+    """The linear conditions lower ≤ rows·x ≤ upper on x = jerk / unit, sampled in time.
 
-    Rows are in half-widths of their limit; those with lower = upper are the end conditions.
+    Each row is in half-widths of its limit; the rows with lower = upper are the end conditions.
+
+    Attributes:
+        rows: matrix of the conditions, one column per interval of constant jerk.
+        lower: lower bounds of rows·x.
+        upper: upper bounds of rows·x.
+        jerk: jerk limits (lower, upper), m/s³ or rad/s³.
+        unit: largest permitted |jerk|, m/s³ or rad/s³.
     """
 
     rows: Matrix
@@ -27,32 +34,64 @@ class Inequalities:
 
     @property
     def fixed(self) -> Bool[np.ndarray, " rows"]:
-        """Which rows are equalities."""
+        """A mask of the rows that are equalities, shape (rows,)."""
         return self.lower == self.upper
 
     def tightened(self, room: float) -> "Inequalities":
-        """With every limit moved inwards, in half-widths; the end conditions stay."""
+        """Return the conditions with every limit moved inwards by `room` half-widths.
+
+        The equalities stay as they are.
+        """
         inwards = np.where(self.fixed, 0.0, room)
         jerk = self.jerk + room * np.ptp(self.jerk) / 2 * np.array([1.0, -1.0])
         return replace(self, lower=self.lower + inwards, upper=self.upper - inwards, jerk=jerk)
 
 
 def responses(intervals: int, period: float, times: Vector) -> tuple[Matrix, Matrix, Matrix]:
-    """Matrices from the jerk to position, velocity and acceleration at the given times."""
+    """Return the matrices that map the jerk to position, velocity and acceleration at given times.
+
+    The start state contributes nothing to them.
+
+    Args:
+        intervals: number n of intervals of constant jerk.
+        period: duration of each interval, s.
+        times: instants, s, shape (k,).
+
+    Returns:
+        Three matrices of shape (k, n).
+    """
     since = np.maximum(times[:, None] - period * np.arange(intervals), 0.0)
     after = np.maximum(since - period, 0.0)
     return (since**3 - after**3) / 6, (since**2 - after**2) / 2, since - after
 
 
 def inequalities(limits: Limits, boundary: Boundary, intervals: int, period: float) -> Inequalities:
-    """All conditions at the knots and seven instants in between, for linear programs."""
+    """Return all conditions on a motion at its knots and at seven instants in each interval.
+
+    Args:
+        limits: limits of the motion.
+        boundary: start, end and via points of the motion.
+        intervals: number of intervals of constant jerk.
+        period: duration of each interval, s.
+    """
     return sampled_conditions(limits, boundary, intervals, period, per_interval=8)
 
 
 def sampled_conditions(
     limits: Limits, boundary: Boundary, intervals: int, period: float, per_interval: int
 ) -> Inequalities:
-    """All conditions at so many equally spaced instants of each interval, its end included."""
+    """Return all conditions on a motion at equally spaced instants of each interval.
+
+    Args:
+        limits: limits of the motion.
+        boundary: start, end and via points of the motion.
+        intervals: number of intervals of constant jerk.
+        period: duration of each interval, s.
+        per_interval: number of instants per interval, its end included.
+
+    Raises:
+        ValueError: if `intervals` is below 1.
+    """
     require(intervals >= 1, f"Argument `intervals` must be at least 1, but is {intervals}.")
     motion, jerk = np.asarray(limits.motion), np.asarray(limits.jerk)
     unit, half = float(np.max(np.abs(jerk))), (motion[:, 1] - motion[:, 0]) / 2

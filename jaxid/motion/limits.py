@@ -1,4 +1,4 @@
-"""What a motion must respect: limits (4), the acceleration limit (18), boundary and via points."""
+"""Conditions on a motion: limits (4), start state, end state and via points."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,16 +9,20 @@ from jaxid._types import Interval, Numbers, Scalar, as_interval, as_known, or_no
 
 
 class Limits(eqx.Module):
-    """Closed intervals (lower, upper) that need not be symmetric, in SI units of the axis.
+    """The limits of an axis: closed intervals (lower, upper), which need not be symmetric.
 
     Attributes:
-        position: m or rad.
-        velocity: m/s or rad/s; zero lies inside.
-        acceleration: m/s² or rad/s²; zero lies inside. See `acceleration_limit`.
-        jerk: m/s³ or rad/s³; zero lies inside.
-        input: in the system's input unit; zero lies inside.
-        input_rate: in the input unit per s, what the amplifier follows; None, the default, is
-            no limit.
+        position: limits of the position, m or rad.
+        velocity: limits of the velocity, m/s or rad/s; zero lies inside.
+        acceleration: limits of the acceleration, m/s² or rad/s²; zero lies inside. See
+            `acceleration_limit`.
+        jerk: limits of the jerk, m/s³ or rad/s³; zero lies inside.
+        input: limits of the input, in the unit of the input; zero lies inside.
+        input_rate: limits of the rate of the input that the amplifier can follow, in the unit of
+            the input per s; zero lies inside; None, the default, is no limit.
+
+    Raises:
+        ValueError: if an interval is not finite or not in order, or zero is not inside.
 
     Example:
         >>> limits = jd.Limits(acceleration=acceleration, jerk=(-200.0, 200.0), **box)
@@ -48,12 +52,18 @@ class Limits(eqx.Module):
 
     @property
     def motion(self) -> Float[Array, "3 2"]:
-        """Rows position, velocity, acceleration; columns lower, upper."""
+        """The limits of position, velocity and acceleration, one row (lower, upper) each."""
         return jnp.stack([self.position, self.velocity, self.acceleration])
 
 
 def shrunk(limits: Limits, share: Float[Array, "3"]) -> Limits:
-    """Position, velocity and input limits moved inwards by shares of their half-widths."""
+    """Return limits whose position, velocity and input intervals are narrower at both ends.
+
+    Args:
+        limits: limits to narrow.
+        share: amounts by which both ends of position, velocity and input move inwards, in
+            half-widths of each interval.
+    """
 
     def inwards(interval: Interval, share: Scalar) -> Interval:
         room = share * (interval[1] - interval[0]) / 2
@@ -71,9 +81,17 @@ def shrunk(limits: Limits, share: Float[Array, "3"]) -> Limits:
 
 
 class Via(eqx.Module):
-    """Bounds on the state [y, ẏ, ÿ] at one instant, `at` being its fraction of the whole time.
+    """Bounds on the state [y, ẏ, ÿ] of a motion at one instant.
 
     Equal lower and upper bounds fix a component; ±inf leaves it free.
+
+    Attributes:
+        at: instant as a fraction of the duration of the motion, in (0, 1]; 1 is the end.
+        lower: lower bounds of [y, ẏ, ÿ], SI units.
+        upper: upper bounds of [y, ẏ, ÿ], SI units.
+
+    Raises:
+        ValueError: if `at` is outside (0, 1] or a lower bound is above its upper bound.
     """
 
     at: float = eqx.field(converter=as_known("at"), static=True)
@@ -94,11 +112,11 @@ class Via(eqx.Module):
 
 
 class Boundary(eqx.Module):
-    """Where a motion starts, and what it must pass on the way and at the end.
+    """The start state of a motion, and its conditions at later instants, the end included.
 
     Attributes:
-        start: [y, ẏ, ÿ] at t = 0.
-        vias: later conditions, the final one included (`at = 1`).
+        start: state [y, ẏ, ÿ] at t = 0, SI units.
+        vias: conditions at later instants; the end condition has `at = 1`.
 
     Example:
         >>> rest = (0.1, 0.0, 0.0)  # m, m/s, m/s²
@@ -110,11 +128,21 @@ class Boundary(eqx.Module):
 
 
 def through(state: Numbers, at: float) -> Via:
-    """The state [y, ẏ, ÿ] is met exactly at the fraction `at` of the whole time."""
+    """Return the via point that fixes the state [y, ẏ, ÿ] of a motion at one instant.
+
+    Args:
+        state: position, velocity and acceleration, SI units.
+        at: instant as a fraction of the duration of the motion, in (0, 1]; 1 is the end.
+    """
     return Via(at, state, state)
 
 
 def position_at_least(position: float, at: float) -> Via:
-    """Y ≥ `position` at the fraction `at` of the whole time."""
+    """Return the via point that requires y ≥ `position` at one instant of a motion.
+
+    Args:
+        position: smallest permitted position, m or rad.
+        at: instant as a fraction of the duration of the motion, in (0, 1]; 1 is the end.
+    """
     free = float("inf")
     return Via(at, (position, -free, -free), (free, free, free))

@@ -1,7 +1,7 @@
-"""The set of admissible motions: coordinates that keep the end conditions, proofs by LP, exactness.
+"""The set of admissible motions, in coordinates that keep the end conditions.
 
 Every state of a motion is linear in its jerk, so limits and via points are linear inequalities and
-equalities, and the admissible jerks are a convex set. Everything here follows from that.
+equalities, and the admissible jerks are a convex set.
 """
 
 import equinox as eqx
@@ -16,18 +16,18 @@ from jaxid.motion.trajectory import JerkTrajectory
 
 
 class MotionSpace(eqx.Module):
-    """Coordinates z of the motions that meet every equality: jerk = offset + basis·z.
+    """Coordinates z of all motions that meet the end conditions: jerk = offset + basis·z.
 
-    A unit step in z is about a unit of normalised trajectory (positions, velocities, accelerations
-    and jerks in half-widths of their limits), which is what makes plain gradient steps work.
-    Spaces of several lengths, padded to one size, share one compiled search.
+    A unit step in z changes the normalised trajectory (positions, velocities, accelerations and
+    jerks in half-widths of their limits) by about one, so that plain gradient steps work. Spaces of
+    several lengths, padded to one size, share one compiled search.
 
     Attributes:
-        start: [y, ẏ, ÿ] at t = 0.
-        durations: of the intervals, s; zero where padded.
-        offset: a jerk that meets the equalities, shape (n,).
-        basis: shape (n, d); zero rows and columns where padded.
-        inverse: shape (d, n), from a jerk back to its coordinates.
+        start: state [y, ẏ, ÿ] at t = 0, SI units.
+        durations: durations of the intervals, s; zero where padded.
+        offset: jerk that meets the end conditions, m/s³ or rad/s³, shape (n,).
+        basis: matrix from coordinates to jerk, shape (n, d); zero rows and columns where padded.
+        inverse: matrix from jerk to coordinates, shape (d, n).
     """
 
     start: Float[Array, "3"]
@@ -37,11 +37,15 @@ class MotionSpace(eqx.Module):
     inverse: Float[Array, "d n"]
 
     def trajectory(self, z: Float[Array, " d"]) -> JerkTrajectory:
-        """The motion with these coordinates."""
+        """Return the motion with the coordinates z."""
         return JerkTrajectory(self.start, self.offset + self.basis @ z, self.durations)
 
     def coordinates(self, jerk: Float[Array, " k"]) -> Float[Array, " d"]:
-        """The coordinates of the motion nearest to a jerk that may be shorter than the space."""
+        """Return the coordinates of the motion of this space that is nearest to a given jerk.
+
+        Args:
+            jerk: jerk per interval, m/s³ or rad/s³; may have fewer intervals than the space.
+        """
         jerk = jnp.zeros_like(self.offset).at[: jerk.size].set(jerk)
         return self.inverse @ (jerk - self.offset)
 
@@ -49,14 +53,17 @@ class MotionSpace(eqx.Module):
 def motion_space(
     limits: Limits, boundary: Boundary, intervals: int, period: float, size: int | None = None
 ) -> MotionSpace:
-    """Null-space coordinates of the equalities, whitened by the limits.
+    """Return the coordinates of all motions that meet the equalities of a boundary.
+
+    They span the null space of the equalities, scaled by the limits.
 
     Args:
-        limits: their half-widths are the units.
-        boundary: its equalities are built in; its inequalities are not.
-        intervals: n, how many pieces of constant jerk.
-        period: T of each, s.
-        size: pad to this many intervals; default no padding.
+        limits: limits of the motion, whose half-widths are the units of the scaling.
+        boundary: start, end and via points; its equalities are kept by every coordinate, its
+            inequalities are not.
+        intervals: number n of intervals of constant jerk.
+        period: duration T of each interval, s.
+        size: number of intervals to pad the space to; default no padding.
     """
     size = size or intervals
     conditions = sampled_conditions(limits, boundary, intervals, period, per_interval=1)

@@ -1,4 +1,4 @@
-"""What leads to an experiment: a gentle move to its start, waiting, motions one after another."""
+"""Motions before an experiment: a slow move to its start, waiting, and joined motions."""
 
 from itertools import pairwise
 from math import ceil, sqrt
@@ -10,24 +10,24 @@ from jaxid._checks import require
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, uniform
 
-_GENTLE = 0.5  # of speed, acceleration and jerk, chosen: nobody waits for an approach
-_WHOLE = 1e-9  # intervals, by which rounding may miss a whole number of them
+_GENTLE = 0.5  # of the limits of speed, acceleration and jerk
+_WHOLE = 1e-9  # intervals: tolerance for rounding of a whole number of them
 
 
 def approach(limits: Limits, home: float, start: float, period: float) -> JerkTrajectory:
-    """From rest to rest with at most half of the speed, acceleration and jerk allowed.
+    """Return a rest-to-rest motion with at most half of the permitted speed, acceleration and jerk.
 
-    Seven phases of jerk J, 0, −J, 0, −J, 0, J: the shortest in continuous time, each rounded up to
-    whole intervals. It stays on the way from one end to the other.
+    Its seven phases have the jerk J, 0, −J, 0, −J, 0, J. They are the shortest in continuous time,
+    each rounded up to whole intervals. The motion does not overshoot.
 
     Args:
-        limits: kept.
-        home: where it begins, m or rad.
-        start: where it ends.
-        period: of each interval of constant jerk, s.
+        limits: limits of the axis.
+        home: position at the beginning, m or rad.
+        start: position at the end, where the experiment starts, m or rad.
+        period: duration of each interval of constant jerk, s.
 
     Raises:
-        ValueError: if the axis cannot rest at both ends.
+        ValueError: if `home` or `start` is outside the position limits.
     """
     low, high = (float(end) for end in limits.position)
     for name, position in (("home", home), ("start", start)):
@@ -48,15 +48,22 @@ def approach(limits: Limits, home: float, start: float, period: float) -> JerkTr
 
 
 def wait(position: float, intervals: int, period: float) -> JerkTrajectory:
-    """Rest."""
+    """Return a motion at rest.
+
+    Args:
+        position: position, m or rad.
+        intervals: number of intervals.
+        period: duration of each interval, s.
+    """
     return uniform(jnp.array([position, 0.0, 0.0]), jnp.zeros(intervals), period)
 
 
 def joined(*motions: JerkTrajectory) -> JerkTrajectory:
-    """One after another: each begins in the state in which the one before ends.
+    """Return several motions as one, in sequence.
 
     Raises:
-        ValueError: if one does not, to a millionth.
+        ValueError: if a motion does not begin in the state in which the one before it ends, to
+            1e-6.
     """
     for one, other in pairwise(motions):
         end = jnp.stack([x[-1] for x in one.knot_states()])
@@ -73,11 +80,11 @@ def joined(*motions: JerkTrajectory) -> JerkTrajectory:
 
 
 def _phases(way: float, v: float, a: float, j: float, period: float) -> tuple[int, int, int]:
-    """Intervals of each phase of jerk, of steady acceleration and of steady velocity.
+    """Return the number of intervals of a jerk phase, a steady acceleration and a steady velocity.
 
-    The shortest in continuous time, then rounded up: with phases of t, s and c seconds the peaks
-    are d/(t(t + s)(2t + s + c)) of the jerk, t times that of the acceleration, and t + s times that
-    of the velocity.
+    They are the shortest in continuous time, then rounded up. With phases of t, s and c seconds,
+    the peak jerk is d/(t(t + s)(2t + s + c)), the peak acceleration t times that, and the peak
+    velocity t + s times the peak acceleration.
     """
 
     def rounded(time: float) -> int:

@@ -1,4 +1,4 @@
-"""What a motion must do, whatever it is designed for."""
+"""The task of a motion: its limits, conditions and length."""
 
 from typing import NamedTuple
 
@@ -7,16 +7,18 @@ from jaxid.motion.violation import Prediction
 
 
 class Task(NamedTuple):
-    """What a motion must do, whatever it is designed for (16).
+    """The conditions on a motion (16): its limits, start, end, via points and length.
 
     Attributes:
-        limits: kept exactly, between the knots too.
-        boundary: kept exactly.
-        intervals: of constant jerk (2·N_i in the paper).
-        period: of each interval, s.
-        axis: what the axis does along a motion, if the limits are to hold for it too; a search
-            calls it very often, so not a simulation (see `jaxid.search.frozen_loop.freeze`).
-        size: pad to this many intervals, so that several lengths share one compilation.
+        limits: limits of the motion, kept exactly, between the knots too.
+        boundary: start, end and via points of the motion, kept exactly.
+        intervals: number of intervals of constant jerk (2·N_i in the paper).
+        period: duration of each interval, s.
+        axis: prediction of the axis along a motion, if the limits are to hold for the axis too; a
+            search calls it very often, so it must not be a simulation (see
+            `jaxid.search.frozen_loop.freeze`); default None, limits of the motion only.
+        size: number of intervals to pad motions to, so that several lengths share one compilation;
+            default no padding.
 
     Example:
         >>> task = jd.Task(limits, ends, intervals=60, period=0.01)

@@ -1,7 +1,7 @@
-"""Ticks of a motion, repeated back to back, in arrays that may have room for more of them.
+"""The sample instants (ticks) of a motion, repeated back to back, in arrays of a fixed length.
 
-Motions of different length then share one shape, and one compilation. What belongs to no tick of
-the motion only fills the arrays up, and everything made here is as if it were not there.
+The arrays may be longer than the motion, so that motions of different length share one shape, and
+one compilation. Entries beyond the last tick of the motion change no result.
 """
 
 from typing import Any
@@ -13,16 +13,18 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxid._types import Scalar
 
-_WHOLE = 1e-6  # of a period: a tick that begins so shortly before the end does not begin at all
+_WHOLE = 1e-6  # of a period: a sample that begins this shortly before the end is not counted
 
 
 class Ticks(eqx.Module):
-    """How many of `most` ticks a motion lasts, and how often it is repeated.
+    """The number of sample instants (ticks) of a motion that is repeated back to back.
+
+    Arrays over all ticks have n = repeats·most entries; those beyond `total` are padding.
 
     Attributes:
-        count: of one motion, from 1 to `most`; it may be traced.
-        most: that there is room for, for each repeat.
-        repeats: of the motion, back to back.
+        count: number of ticks of one motion, from 1 to `most`; may be traced by JAX.
+        most: number of ticks per repeat for which arrays have room.
+        repeats: number of times that the motion is run.
     """
 
     count: Int[Array, ""]
@@ -31,41 +33,56 @@ class Ticks(eqx.Module):
 
     @classmethod
     def of(cls, duration: Scalar, period: Scalar | float, most: int, repeats: int = 1) -> "Ticks":
-        """Those that begin within a duration (s), `most` at most."""
+        """Return the ticks of a motion of given duration.
+
+        Args:
+            duration: duration of one motion, s.
+            period: sample period, s.
+            most: largest number of ticks of one motion; later ones are left out.
+            repeats: number of times that the motion is run.
+        """
         begun = jnp.ceil(duration / period - _WHOLE).astype(int)
         return cls(jnp.clip(begun, 1, most), most, repeats)
 
     @property
     def total(self) -> Int[Array, ""]:
-        """Of all repeats."""
+        """The number of ticks of all repeats together."""
         return self.repeats * self.count
 
     @property
     def counted(self) -> Bool[Array, " n"]:
-        """Which of the n = repeats·most ticks there are."""
+        """A mask of the n = repeats·most array entries, true for those that belong to a tick."""
         return jnp.arange(self.repeats * self.most) < self.total
 
     def repeated(self, once: Float[Array, " most"]) -> Float[Array, " n"]:
-        """Values of one motion for all repeats, back to back; after them stays the last value."""
+        """Return the values of one motion for all repeats, back to back, then the last value.
+
+        Args:
+            once: values at the ticks of one motion, shape (most,).
+        """
         if self.repeats == 1:
             return once
         whole = jnp.full(self.repeats * self.most, once[-1])
-        for k in range(self.repeats):  # each overwrites what does not belong to the one before
+        for k in range(self.repeats):  # each overwrites the padding of the one before
             whole = jax.lax.dynamic_update_slice_in_dim(whole, once, k * self.count, 0)
         return whole
 
     def held(self, values: Any, each: int = 1, first: int = 0) -> Any:
-        """Values at all ticks, and after the last one those of the last.
+        """Return values in which all entries after the last tick equal those of the last tick.
 
         Args:
-            values: arrays, time along the first axis.
-            each: how many values a tick has.
-            first: how many there are before the first tick.
+            values: arrays, or a structure of arrays, with time along the first axis.
+            each: number of entries per tick.
+            first: number of entries before the first tick.
         """
         return jax.tree.map(lambda x: _held(x, first + each * self.total), values)
 
     def by_repeat(self, values: Float[Array, "n *each"]) -> Float[Array, "repeats most *each"]:
-        """What happens in each tick of the motion, repeat by repeat, its last tick held."""
+        """Return values of all ticks with one row per repeat; a row ends with its last tick, held.
+
+        Args:
+            values: values with all ticks along the first axis, of length n = repeats·most.
+        """
         starts = [k * self.count for k in range(self.repeats)]
         parts = [jax.lax.dynamic_slice_in_dim(values, start, self.most) for start in starts]
         return jnp.stack([_held(part, self.count) for part in parts])

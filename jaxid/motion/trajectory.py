@@ -13,7 +13,13 @@ from jaxid.motion.ticks import Ticks
 
 
 class States(NamedTuple):
-    """Position, velocity and acceleration at the same instants, in SI units of the axis."""
+    """Position, velocity and acceleration at the same instants, in SI units of the axis.
+
+    Attributes:
+        position: y, m or rad.
+        velocity: ẏ, m/s or rad/s.
+        acceleration: ÿ, m/s² or rad/s².
+    """
 
     position: Motion
     velocity: Motion
@@ -21,7 +27,14 @@ class States(NamedTuple):
 
 
 class Extrema(NamedTuple):
-    """(lowest, highest) value that a motion takes at any time, knots and in-between."""
+    """The lowest and highest values of a motion over all of its time, between the knots too.
+
+    Attributes:
+        position: (lowest, highest) position, m or rad.
+        velocity: (lowest, highest) velocity, m/s or rad/s.
+        acceleration: (lowest, highest) acceleration, m/s² or rad/s².
+        jerk: (lowest, highest) jerk, m/s³ or rad/s³.
+    """
 
     position: Float[Array, "2"]
     velocity: Float[Array, "2"]
@@ -30,13 +43,13 @@ class Extrema(NamedTuple):
 
 
 class JerkTrajectory(eqx.Module):
-    """A motion from `start` under a jerk that is constant on each of n intervals.
+    """A motion given by its start state and a jerk that is constant on each of n intervals.
 
     Attributes:
-        start: [y, ẏ, ÿ] at t = 0.
-        jerk: one value per interval, m/s³ or rad/s³.
-        durations: of the intervals, s. An interval of duration zero does nothing: motions of
-            different length share one shape, and one compilation, by padding with such intervals.
+        start: state [y, ẏ, ÿ] at t = 0, SI units.
+        jerk: jerk of each interval, m/s³ or rad/s³.
+        durations: duration of each interval, s. An interval of duration zero is padding and has
+            no effect, so that motions of different length can share one shape and one compilation.
 
     Example:
         >>> signs = jnp.array([1.0, -1.0, 0.0, -1.0, 1.0, -1.0, 1.0, 0.0, 1.0, -1.0])
@@ -58,20 +71,20 @@ class JerkTrajectory(eqx.Module):
 
     @property
     def counted(self) -> Bool[Array, " n"]:
-        """Which intervals last: the others say nothing of the motion, whatever their jerk."""
+        """A mask of the intervals whose duration is not zero, i.e. that are not padding."""
         return self.durations > 0
 
     @property
     def duration(self) -> Scalar:
-        """t_f in s."""
+        """The duration t_f of the motion, s."""
         return jnp.sum(self.durations)
 
     def knot_times(self) -> Float[Array, " knots"]:
-        """When the jerk changes, from 0 to t_f."""
+        """Return the n + 1 times at which an interval begins or ends, from 0 to t_f, in s."""
         return jnp.concatenate([jnp.zeros(1, self.durations.dtype), jnp.cumsum(self.durations)])
 
     def knot_states(self) -> States:
-        """States at the n + 1 knots: a triple integrator advanced by running sums."""
+        """Return the states at the n + 1 knots, where an interval begins or ends."""
         j, T = self.jerk, self.durations
         a = _running(self.start[2], j * T)
         v = _running(self.start[1], a[:-1] * T + j * T**2 / 2)
@@ -79,7 +92,12 @@ class JerkTrajectory(eqx.Module):
         return States(y, v, a)
 
     def states(self, times: Float[Array, " k"]) -> States:
-        """States at any times; before 0 and after t_f those of the nearest end."""
+        """Return the states at any times.
+
+        Args:
+            times: instants, s, shape (k,); before 0 and after t_f the first or last state is
+                returned.
+        """
         times = jnp.clip(times, 0.0, self.duration)
         knots = self.knot_times()
         # "right" skips intervals of no duration
@@ -88,18 +106,30 @@ class JerkTrajectory(eqx.Module):
         return _advance(y, v, a, self.jerk[i], times - knots[i])
 
     def inside(self, fractions: Float[Array, " q"]) -> States:
-        """States at the same fractions (0 to 1) of every interval, each of shape (n, q)."""
+        """Return the states at the same q fractions of every interval, shape (n, q).
+
+        Args:
+            fractions: fractions of the duration of an interval, 0 to 1, shape (q,).
+        """
         y, v, a = (x[:-1, None] for x in self.knot_states())
         return _advance(y, v, a, self.jerk[:, None], self.durations[:, None] * fractions[None, :])
 
     def midpoints(self, count: int) -> tuple[States, Float[Array, " nodes"]]:
-        """A midpoint rule with `count` nodes per interval: states, and weights in s."""
+        """Return a midpoint rule with `count` nodes per interval, for integrals over time.
+
+        Returns:
+            The states at the n·count nodes, and the weights of the nodes in s.
+        """
         fractions = (jnp.arange(count) + 0.5) / count
         weights = jnp.repeat(self.durations / count, count)
         return States(*(x.ravel() for x in self.inside(fractions))), weights
 
     def extrema(self) -> Extrema:
-        """Closed form: the ends of every interval, and where ẏ or ÿ changes sign inside it."""
+        """Return the lowest and highest position, velocity, acceleration and jerk, in closed form.
+
+        They are exact between the knots too: the ends of every interval are compared with the
+        instants inside it at which ẏ or ÿ changes sign.
+        """
         y, v, a = self.knot_states()
         start, j, T = (y[:-1], v[:-1], a[:-1]), self.jerk, self.durations
         turns = [
@@ -114,19 +144,33 @@ class JerkTrajectory(eqx.Module):
         )
 
     def _lasting_jerk(self) -> Float[Array, " n"]:
-        """The jerk, that of the first interval that lasts for those that do not."""
+        """Return the jerk of each interval; padding gets that of the first other interval."""
         return jnp.where(self.counted, self.jerk, self.jerk[jnp.argmax(self.counted)])
 
 
 def uniform(start: Numbers, jerk: Numbers, period: float) -> JerkTrajectory:
-    """A trajectory whose intervals all last `period` seconds."""
+    """Return a motion whose intervals of constant jerk all last `period` seconds.
+
+    Args:
+        start: state [y, ẏ, ÿ] at t = 0, SI units.
+        jerk: jerk of each interval, m/s³ or rad/s³, shape (n,).
+        period: duration of each interval, s.
+    """
     jerk = as_array("jerk")(jerk)
     durations = np.full(jerk.shape, as_known("period")(period))  # known, even where jerk is traced
     return JerkTrajectory(jnp.asarray(start, jerk.dtype), jerk, durations)
 
 
 def ticks(trajectory: JerkTrajectory, period: float) -> int:
-    """How many controller ticks of `period` seconds a motion lasts: a whole number, or refused."""
+    """Return the number of sample periods that a motion lasts.
+
+    Args:
+        trajectory: motion.
+        period: sample period of the controller, s.
+
+    Raises:
+        ValueError: if the motion does not last a whole number of sample periods.
+    """
     require_concrete(
         "the number of sample periods",
         "Trace the jerk alone, or a `jaxid.loop.closed_loop.closed_loop` made before.",
@@ -147,14 +191,16 @@ def ticks(trajectory: JerkTrajectory, period: float) -> int:
 def reference(
     trajectory: JerkTrajectory, period: Scalar | float, ticks: int, repeats: int = 1
 ) -> States:
-    """The states at every controller tick of the motion repeated back to back, as in Section III.
+    """Return the states at every sample instant of a motion that is repeated back to back.
+
+    This is the reference of Section III. Its arrays have shape (repeats·ticks,).
 
     Args:
-        trajectory: should end in the state it starts from, or the reference jumps.
-        period: of the controller, s.
-        ticks: of one motion, see `ticks`. Of a shorter one the repeats follow one another as soon,
-            and after the last one the axis is left where it is.
-        repeats: how many times the motion is run.
+        trajectory: motion; it should end in its start state, otherwise the reference jumps.
+        period: sample period of the controller, s.
+        ticks: number of sample instants of one motion, see `ticks`. If the motion is shorter, the
+            repeats still follow one another without a pause, and the last state is held at the end.
+        repeats: number of times that the motion is run.
     """
     once = trajectory.states(jnp.arange(ticks) * period)
     return States(*map(ticks_of(trajectory, period, ticks, repeats).repeated, once))
@@ -163,7 +209,16 @@ def reference(
 def ticks_of(
     trajectory: JerkTrajectory, period: Scalar | float, most: int, repeats: int = 1
 ) -> Ticks:
-    """Which of so many ticks are those of a motion; unlike for `ticks` it may be traced."""
+    """Return the sample instants of a motion in arrays of fixed length, for JAX transformations.
+
+    In contrast to `ticks`, the duration of the motion may be traced and is not checked.
+
+    Args:
+        trajectory: motion.
+        period: sample period of the controller, s.
+        most: largest number of sample instants of one motion.
+        repeats: number of times that the motion is run.
+    """
     return Ticks.of(trajectory.duration, period, most, repeats)
 
 
@@ -172,7 +227,7 @@ def _running(first: Scalar, increments: Float[Array, " n"]) -> Float[Array, " n+
 
 
 def _advance(y: Any, v: Any, a: Any, j: Any, t: Any) -> States:
-    """The states after t under the jerk j, for shapes that broadcast."""
+    """Return the states after a time t under the jerk j, for shapes that broadcast."""
     return States(
         y + t * (v + t * (a / 2 + t * j / 6)),
         v + t * (a + t * j / 2),
@@ -181,13 +236,13 @@ def _advance(y: Any, v: Any, a: Any, j: Any, t: Any) -> States:
 
 
 def _zero_of_line(constant: Motion, slope: Motion) -> Motion:
-    """Where constant + slope·t = 0; 0 where it never is."""
+    """Return the t where constant + slope·t = 0; 0 where the slope is zero."""
     flat = slope == 0
     return jnp.where(flat, 0.0, -constant / jnp.where(flat, 1.0, slope))
 
 
 def _zeros(a: Motion, v: Motion, j: Motion) -> tuple[Motion, Motion]:
-    """Both roots of v + a·t + j·t²/2 in the form that cancels nothing; 0 where there is none."""
+    """Return both roots t of v + a·t + j·t²/2, without cancellation; 0 where there is none."""
     discriminant = a**2 - 2 * j * v
     q = -(a + jnp.where(a >= 0, 1.0, -1.0) * jnp.sqrt(jnp.maximum(discriminant, 0.0)))
     real = discriminant >= 0
@@ -207,7 +262,7 @@ def _span(*values: Float[Array, "..."]) -> Float[Array, "2"]:
 
 
 def padded(trajectory: JerkTrajectory, size: int) -> JerkTrajectory:
-    """The same motion with intervals of no duration appended, up to `size` in all."""
+    """Return the same motion with intervals of duration zero appended, `size` intervals in all."""
     extra = size - trajectory.jerk.size
     return JerkTrajectory(
         trajectory.start,
@@ -217,6 +272,6 @@ def padded(trajectory: JerkTrajectory, size: int) -> JerkTrajectory:
 
 
 def trimmed(trajectory: JerkTrajectory) -> JerkTrajectory:
-    """The same motion without its intervals of no duration."""
+    """Return the same motion without its intervals of duration zero."""
     keep = np.flatnonzero(np.asarray(trajectory.durations) > 0)
     return JerkTrajectory(trajectory.start, trajectory.jerk[keep], trajectory.durations[keep])

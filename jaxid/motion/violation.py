@@ -1,4 +1,4 @@
-"""How far a motion, or the axis that follows it, is beyond its limits."""
+"""Violation of the limits by a motion, or by the axis that follows it."""
 
 import abc
 from typing import NamedTuple
@@ -13,16 +13,19 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
-_KEPT = -1.0  # half-widths: of what is no condition, as far from its limit as can be
+_KEPT = -1.0  # half-widths: value of entries that are no condition, i.e. the largest margin
 
 
 def violations(
     limits: Limits, boundary: Boundary, trajectory: JerkTrajectory
 ) -> tuple[Float[Array, "..."], ...]:
-    """How far a motion is beyond each limit at its knots and half-way between them.
+    """Return by how much a motion exceeds each limit at its knots and half-way between them.
 
-    Positive entries are violations, in half-widths of the limit; the inequalities of the via points
-    come last. For penalties: what a motion keeps exactly is `worst_violation`.
+    Positive entries are violations, negative ones margins, in half-widths of the limit. They serve
+    as penalties; `worst_violation` is exact over all of time.
+
+    Returns:
+        Arrays for position, velocity, acceleration, jerk, and the inequalities of the via points.
     """
     inner = trajectory.inside(jnp.array([0.5, 1.0], trajectory.jerk.dtype))
     # the acceleration is linear between the knots: its ends are enough
@@ -38,10 +41,11 @@ def violations(
 
 @eqx.filter_jit
 def worst_violation(limits: Limits, boundary: Boundary, trajectory: JerkTrajectory) -> Scalar:
-    """The largest violation over all of time, in half-widths; ≤ 0 means that every limit is kept.
+    """Return the largest violation of a motion over all of time, in half-widths of the limit.
 
-    From the closed-form extrema, and the inequalities of the via points. A motion that is no number
-    keeps nothing.
+    A value ≤ 0 means that the motion keeps every limit of position, velocity, acceleration and
+    jerk, and the inequalities of the via points. The extrema are exact (closed form). A motion with
+    a NaN or an infinity gives inf.
     """
     values = (*trajectory.extrema(),)
     intervals = (*limits.motion, limits.jerk)
@@ -52,13 +56,16 @@ def worst_violation(limits: Limits, boundary: Boundary, trajectory: JerkTrajecto
 
 
 class Envelope(NamedTuple):
-    """What the axis itself may do along a motion: ranges over plants and repeats, tick by tick.
+    """The ranges of position, velocity and input of the axis along a motion, one per sample.
+
+    They cover several plants and repeats of the motion.
 
     Attributes:
-        position: during each tick.
-        velocity: during each tick.
-        input: commanded at each tick.
-        input_rate: from one tick to the next, in the input unit per s.
+        position: range of the position during each sample period, m or rad.
+        velocity: range of the velocity during each sample period, m/s or rad/s.
+        input: range of the commanded input of each sample period, in the unit of the input.
+        input_rate: range of the change of the input from one sample to the next, in the unit of the
+            input per s.
     """
 
     position: Range
@@ -68,20 +75,26 @@ class Envelope(NamedTuple):
 
 
 class Prediction(eqx.Module):
-    """What the axis will do along a motion: sampled or proved, as the implementation says."""
+    """Base class of predictions of the axis along a motion, by simulated samples or by proof."""
 
     @property
     @abc.abstractmethod
     def system(self) -> System:
-        """The model, for what a motion asks of the input."""
+        """The system that gives the input which a motion needs."""
 
     @abc.abstractmethod
     def __call__(self, trajectory: JerkTrajectory) -> Envelope:
-        """The envelope of the axis, tick by tick of the motion."""
+        """Return the ranges of position, velocity and input of the axis along a motion."""
 
 
 def axis_violations(limits: Limits, envelope: Envelope) -> tuple[Float[Array, "..."], ...]:
-    """How far the axis is beyond its limits, in half-widths: position, velocity, input and rate."""
+    """Return by how much the axis exceeds its limits, in half-widths of the limit.
+
+    Positive entries are violations.
+
+    Returns:
+        Arrays for position, velocity, input and, if it is limited, the rate of the input.
+    """
     intervals = (limits.position, limits.velocity, limits.input, limits.input_rate)
     return tuple(
         jnp.maximum(_beyond(values.lower, interval), _beyond(values.upper, interval))
@@ -104,7 +117,7 @@ def _via_excess(
     parts = [jnp.zeros(0, trajectory.jerk.dtype)]
     for via in boundary.vias:
         state = jnp.stack(trajectory.states(via.at * trajectory.duration[None])).ravel()
-        # equalities are met by construction: what is left of them is rounding
+        # equalities are met by construction, to rounding
         free = via.lower < via.upper
         for side in (state - via.upper, via.lower - state):
             parts.append(jnp.where(free & jnp.isfinite(side), side / scale, _KEPT))

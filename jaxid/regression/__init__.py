@@ -1,1 +1,1 @@
-"""Worst-case theory of a data record: estimators as weights, their exact errors, lower bounds."""
+"""Worst-case theory of a data record: estimator weights, their worst-case errors, lower bounds."""

@@ -17,12 +17,15 @@ from jaxid.regression.worst_case import least_squares, worst_case_error
 def planned_error(
     system: System, trajectory: JerkTrajectory, nodes: int = 1024
 ) -> Float[Array, " m"]:
-    """J of every parameter on the desired motion, with the exact δ; the number that is reported.
+    """Return J of (16): the worst-case least-squares error of every parameter on a desired motion.
+
+    It has shape (m,), in the units of the parameters, and is computed with the exact δ.
 
     Args:
-        system: with the exact δ.
-        trajectory: one motion; repeating it changes nothing.
-        nodes: of the midpoint rule, per interval; halving them moves J by less than 1e-4 of itself.
+        system: axis with its regressors and disturbance bound δ.
+        trajectory: motion; J is the same if it is repeated.
+        nodes: number of nodes of the midpoint rule per interval; with half of them, J changes by
+            less than 0.01 %.
 
     Example:
         >>> jd.planned_error(slide, motion).round(2).tolist()
@@ -40,18 +43,18 @@ def sampled_error(
     velocity: Numbers,
     acceleration: Numbers,
 ) -> Float[Array, " m"]:
-    """J of every parameter for a motion that is given by samples, of whatever origin.
+    """Return the worst-case least-squares error of every parameter for a motion given by samples.
 
     Args:
-        system: with its regressors and δ.
-        time: of the samples, increasing, s.
-        position: m or rad.
-        velocity: m/s or rad/s.
-        acceleration: m/s² or rad/s².
+        system: axis with its regressors and disturbance bound δ.
+        time: times of the samples, increasing, s.
+        position: positions, m or rad.
+        velocity: velocities, m/s or rad/s.
+        acceleration: accelerations, m/s² or rad/s².
 
     Returns:
-        The worst-case error of least squares on exact signals (15), by the trapezoid rule: for
-        samples of a `JerkTrajectory` it tends to `planned_error` as they get denser.
+        The error J of (15) on exact signals, by the trapezoid rule, shape (m,), in the units of the
+        parameters. For dense samples of a `JerkTrajectory` it tends to `planned_error`.
 
     Example:
         >>> time = jnp.linspace(0.0, 0.6, 6001)  # from a file, say

@@ -1,11 +1,11 @@
-"""From a Record to numbers: an estimate, its bound and the intervals; least squares (11) and (29).
+"""An estimate from a Record, its worst-case error and its intervals; least squares (11), (29).
 
-The box is part of every bound. θ lies in it and within `bound` of θ̂, so it lies in the interval
-that both have in common, whose half-length is at most min(bound, half-width of the box). The middle
-of that interval is therefore an estimate with a guarantee never worse than that of θ̂ or the prior.
-Before the data it is no less than this minimum: with θ at the centre and Δ = 0, that is where θ̂ is.
-Clipping θ̂ into the box is not enough: from a bound of twice the half-width on, a θ at one end can
-be estimated as the other.
+The prior box is part of every bound. θ lies in it and within `bound` of θ̂, so it lies in the
+intersection of both intervals, whose half-length is at most min(bound, half-width of the box). The
+middle of that intersection is therefore an estimate whose guarantee is never worse than that of θ̂
+or the prior box. Before the data are known, the guarantee cannot be better than this minimum: with
+θ at the centre and Δ = 0, that is where θ̂ is. Clipping θ̂ into the box is not enough: if the bound
+is twice the half-width or more, a θ at one end can be estimated as the other.
 """
 
 import equinox as eqx
@@ -19,7 +19,14 @@ from jaxid.regression.worst_case import least_squares, worst_case_error
 
 
 class Estimate(eqx.Module):
-    """θ̂, how far it can be from θ, and what that leaves of the prior box; all of shape (m,)."""
+    """An estimate θ̂ with its worst-case error, and the prior box; all of shape (m,).
+
+    Attributes:
+        theta: estimate θ̂, in the units of the parameters.
+        bound: worst-case error |θ̂ − θ|, in the units of the parameters.
+        prior_lower: lower ends of the prior intervals.
+        prior_upper: upper ends of the prior intervals.
+    """
 
     theta: Float[Array, " m"]
     bound: Float[Array, " m"]
@@ -28,27 +35,30 @@ class Estimate(eqx.Module):
 
     @property
     def lower(self) -> Float[Array, " m"]:
-        """Lower ends of θ̂ ± bound inside Ω_θ."""
+        """The lower ends of the intersection of θ̂ ± bound with the prior box Ω_θ."""
         return jnp.maximum(self.theta - self.bound, self.prior_lower)
 
     @property
     def upper(self) -> Float[Array, " m"]:
-        """Upper ends of θ̂ ± bound inside Ω_θ; below the lower ones if the data contradict δ."""
+        """The upper ends of the intersection of θ̂ ± bound with the prior box Ω_θ.
+
+        An upper end below its lower end means that the data contradict the disturbance bound δ.
+        """
         return jnp.minimum(self.theta + self.bound, self.prior_upper)
 
     @property
     def middle(self) -> Float[Array, " m"]:
-        """Of the intervals: at most `half_length` from θ."""
+        """The middle of each interval; its distance from θ is at most `half_length`."""
         return (self.lower + self.upper) / 2
 
     @property
     def half_length(self) -> Float[Array, " m"]:
-        """Of the intervals: what these data guarantee, at most `guaranteed`."""
+        """Half the length of each interval: the worst-case error of `middle` for these data."""
         return (self.upper - self.lower) / 2
 
     @property
     def guaranteed(self) -> Float[Array, " m"]:
-        """The largest `half_length` that any data could have left: bound or box."""
+        """The largest possible `half_length` before the data: min(bound, half-width of the box)."""
         return jnp.minimum(self.bound, (self.prior_upper - self.prior_lower) / 2)
 
 
@@ -58,15 +68,15 @@ def estimate(
     weights: Float[Array, "m n"],
     bias: Float[Array, "m m"] | None = None,
 ) -> Estimate:
-    """The estimate centre + G(u − Φ·centre) with its exact worst-case error.
+    """Return the estimate centre + G(u − Φ·centre) with its exact worst-case error.
 
-    The bound holds if u_k = φ_kᵀθ + Δ_k with |Δ_k| ≤ δ_k in every row and θ is in the box.
+    The bound holds if u_k = φ_kᵀθ + Δ_k with |Δ_k| ≤ δ_k in every row and θ is in the prior box.
 
     Args:
-        record: whose inputs the weights are for, filtered or not.
-        system: for its prior box.
-        weights: G, of any estimator.
-        bias: I − GΦ; found from the weights unless known otherwise.
+        record: regression rows with their inputs, filtered or not.
+        system: system with its prior box.
+        weights: estimator weights G, shape (m, n).
+        bias: I − GΦ, shape (m, m); default computed from the weights.
     """
     remainder = bias_of(weights, record.rows) if bias is None else bias
     return Estimate(
@@ -80,10 +90,15 @@ def estimate(
 
 @eqx.filter_jit
 def least_squares_estimate(record: Record, system: System) -> Estimate:
-    """(11) and (29) from the columns of a record, filtered or not.
+    """Return the least-squares estimate (11) of a record, filtered or not, with its bound (29).
 
-    The bound holds if u_k = φ_kᵀθ + Δ_k with |Δ_k| ≤ δ_k in every row. The rows of a simulation do;
-    those of a sampled, quantised log do so only approximately, and there the bound is none.
+    The bound holds if u_k = φ_kᵀθ + Δ_k with |Δ_k| ≤ δ_k in every row. The rows of a simulation
+    satisfy this. Those of a sampled, quantised log do so only approximately, so that the bound is
+    no guarantee.
+
+    Args:
+        record: regression rows with their inputs.
+        system: system with its prior box.
     """
     weights = least_squares(record.rows)
     m = weights.shape[0]

@@ -1,7 +1,7 @@
-"""Estimators as one family: each makes weights on the rows of an experiment, without its data.
+"""Estimators as one family: each returns weights on the rows of an experiment, without its data.
 
-What weights guarantee is then exact for every one of them (`affine_worst_case_error`), what they
-say about θ is `estimate`, and any of them can be passed to whatever takes an estimator.
+The worst-case error of the weights is exact for every estimator (`affine_worst_case_error`), the
+parameters follow from them by `estimate`, and functions that take an estimator accept any of them.
 """
 
 import abc
@@ -20,26 +20,29 @@ from jaxid.regression.worst_case import Norm, least_squares
 
 
 class Estimator(eqx.Module):
-    """A way from rows to weights."""
+    """Base class of estimators: functions from regression rows to estimator weights."""
 
     @abc.abstractmethod
     def __call__(
         self, rows: Rows, half_widths: Float[Array, " m"], norm: Norm | None = None
     ) -> Float[Array, "k n"]:
-        """Weights on the inputs of the rows, one row of them per functional.
+        """Return estimator weights on the inputs of the rows, one row of weights per functional.
 
         Args:
-            rows: of one motion or record.
-            half_widths: of the prior box, in the units of the parameters.
-            norm: the functionals of θ; without one, the m parameters themselves.
+            rows: regression rows of one motion or record.
+            half_widths: half-widths of the prior box, shape (m,), in the units of the parameters.
+            norm: functionals of θ to estimate; default the m parameters themselves.
         """
 
 
 class LeastSquares(Estimator):
-    """Least squares with the matrix diag(measure/δ^power), unbiased: (11) at power 0.
+    """Weighted least squares with the matrix diag(measure/δ^power), unbiased: (11) at power 0.
 
-    A power of 2 is the maximum likelihood of Gaussian disturbances with deviations δ. The box does
-    not matter.
+    A power of 2 is the maximum-likelihood estimator for Gaussian disturbances with standard
+    deviation δ. The prior box has no influence.
+
+    Attributes:
+        power: exponent of δ in the weights; 0, the default, is least squares (11).
     """
 
     power: int = eqx.field(static=True, default=0)
@@ -53,9 +56,10 @@ class LeastSquares(Estimator):
 
 
 class Minimax(Estimator):
-    """The weights of the least worst-case error (`minimax`), biased where the box is worth it.
+    """The estimator of the least worst-case error (`minimax`), biased where that reduces the error.
 
-    At most m of them are not zero: a limit to compare with, not the way to treat a noisy log.
+    At most m of its weights per functional are not zero. It is a reference for comparisons rather
+    than an estimator for noisy logs.
     """
 
     def __call__(
@@ -65,16 +69,17 @@ class Minimax(Estimator):
 
 
 class Filtered(Estimator):
-    """Another estimator on the filtered rows (28), as weights H_fᵀ g on the rows themselves.
+    """Another estimator on the filtered rows (28), as weights H_fᵀ g on the unfiltered rows.
 
-    Its estimate from the record is that of the other one from the filtered record. Its exact error
-    over the unfiltered Δ, Σ |H_fᵀ g|_k δ_k, is never above the Σ |g|_k (H_f δ)_k of (29), since no
-    entry of H_f is negative: (29) also counts filtered disturbances that no Δ leads to.
+    Its estimate from a record equals that of the other estimator from the filtered record. Its
+    exact worst-case error over the unfiltered Δ, Σ |H_fᵀ g|_k δ_k, is never above the Σ |g|_k (H_f
+    δ)_k of (29), since no entry of H_f is negative: (29) also counts filtered disturbances that no
+    Δ produces.
 
     Attributes:
-        estimator: of the filtered rows.
-        bandwidth: w of H_f in rad/s.
-        period: of the rows' ticks, s.
+        estimator: estimator of the filtered rows.
+        bandwidth: bandwidth w of H_f, rad/s.
+        period: sample period of the rows, s.
     """
 
     estimator: Estimator

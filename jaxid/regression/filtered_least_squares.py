@@ -11,21 +11,21 @@ from jaxid.regression.worst_case import require_informative
 def filtered_least_squares(
     record: Record, system: System, bandwidth: float, period: float
 ) -> Estimate:
-    """Least squares (11) on a record filtered by H_f (28), with the error bound J_f of (29).
+    """Return least squares (11) of a record filtered by H_f (28), with the error bound J_f of (29).
 
-    For recorded logs this is no certificate. The bound holds if every row of the record obeys
-    u = φᵀθ + Δ with |Δ| ≤ δ exactly, as the rows of a simulation do. The rows that are made of
-    sampled, quantised positions do not: there the true parameters may lie outside θ̂ ± J_f, and
-    `jaxid.identify` computes intervals that contain them.
+    For recorded logs the bound is no guarantee. It holds if every row of the record obeys u = φᵀθ +
+    Δ with |Δ| ≤ δ exactly, as the rows of a simulation do. Rows made of sampled, quantised
+    positions do not: there the true parameters may lie outside θ̂ ± J_f, and `jaxid.identify`
+    computes intervals that contain them.
 
     Args:
-        record: exact rows and inputs, in SI units and the unit of the input.
-        system: for its prior box.
-        bandwidth: w of the filter H_f(s) = w/(s + w), rad/s.
-        period: of the record's ticks, s.
+        record: exact regression rows with their inputs, SI units and the unit of the input.
+        system: system with its prior box.
+        bandwidth: bandwidth w of the filter H_f(s) = w/(s + w), rad/s.
+        period: sample period of the record, s.
 
     Returns:
-        The estimate θ̂ with its bound J_f and the intervals that both leave of the prior box.
+        The estimate θ̂ with its bound J_f, and the intersection of θ̂ ± J_f with the prior box.
 
     Raises:
         ValueError: if the record is not float64, or its motion cannot identify all parameters.

@@ -1,7 +1,7 @@
-"""Filters on a Record: a lower-triangular Toeplitz matrix on ticks, applied alike to every column.
+"""Filters on a Record: a lower-triangular Toeplitz matrix, applied alike to every column.
 
-The regression identity is linear in its columns, so it survives any such filter exactly; and
-|Δ_f| ≤ δ_f as long as the entries of the matrix are nowhere negative.
+The regression identity is linear in its columns, so any such filter preserves it exactly; and
+|Δ_f| ≤ δ_f as long as no entry of the matrix is negative.
 """
 
 from typing import Any
@@ -18,16 +18,17 @@ from jaxid.loop.record import Record, Rows
 def low_pass(
     columns: PyTree[Float[Array, "n *c"]], bandwidth: Scalar | float, period: Scalar | float
 ) -> PyTree[Float[Array, "n *c"]]:
-    """H_f(s) = w/(s + w) of (28), started at zero, on signals that are constant over each tick.
+    """Return signals filtered by H_f(s) = w/(s + w) of (28), from a zero initial state.
 
-    x_f,k = α·x_f,k−1 + (1 − α)·x_k with α = exp(−w·period): exact at the end of each tick for the
-    held input, and the same linear map of every other column.
+    The signals are constant over each sample period: x_f,k = α·x_f,k−1 + (1 − α)·x_k with
+    α = exp(−w·period). For the held input this is exact at the end of each sample period; to every
+    other column the same linear map is applied.
 
     Args:
-        columns: an array or several, time along the first axis. One scan takes them all: each waits
-            for its own last value only, so that five take little longer than one.
-        bandwidth: w in rad/s.
-        period: of the ticks, s.
+        columns: array or structure of arrays, time along the first axis. One scan filters them all,
+            so that five take little longer than one.
+        bandwidth: bandwidth w, rad/s.
+        period: sample period, s.
     """
     keep = jnp.exp(-bandwidth * period)
 
@@ -41,18 +42,36 @@ def low_pass(
 def adjoint(
     weights: Float[Array, " n"], bandwidth: Scalar | float, period: Scalar | float
 ) -> Float[Array, " n"]:
-    """What weights on filtered rows are as weights on the rows themselves: H_fᵀ g."""
+    """Return the weights H_fᵀ g on unfiltered rows that equal the weights g on filtered rows.
+
+    Args:
+        weights: weights g on filtered rows, shape (n,).
+        bandwidth: bandwidth w of H_f, rad/s.
+        period: sample period of the rows, s.
+    """
     return jnp.flip(low_pass(jnp.flip(weights), bandwidth, period))
 
 
 def filtered_rows(rows: Rows, bandwidth: Scalar | float, period: Scalar | float) -> Rows:
-    """The rows that a filtered record has: φ and δ filtered by H_f; the measure of a row stays."""
+    """Return regression rows with φ and δ filtered by H_f of (28), and the same measure.
+
+    Args:
+        rows: regression rows.
+        bandwidth: bandwidth w of H_f, rad/s.
+        period: sample period of the rows, s.
+    """
     passed = low_pass(rows, bandwidth, period)
     return eqx.tree_at(lambda r: r.measure, passed, rows.measure)
 
 
 @eqx.filter_jit
 def filtered(record: Record, bandwidth: Scalar | float, period: Scalar | float) -> Record:
-    """(28): the record with u, φ, δ and Δ all filtered by H_f; the measure of a row stays."""
+    """Return a record with u, φ, δ and Δ filtered by H_f of (28), and the same measure.
+
+    Args:
+        record: regression rows with their inputs.
+        bandwidth: bandwidth w of H_f, rad/s.
+        period: sample period of the record, s.
+    """
     passed = low_pass(record, bandwidth, period)
     return eqx.tree_at(lambda r: r.rows.measure, passed, record.rows.measure)

@@ -1,16 +1,17 @@
-"""The smallest error that any experiment and any estimator can guarantee before the data, proved.
+"""A proved lower bound on the error that any experiment and any estimator can guarantee.
 
 Whatever motion is run, u = Φ·centre may come from θ = centre + ν and from centre − ν alike if ν is
-in the box and |φ(y, ẏ, ÿ)ᵀν| ≤ δ(y, ẏ) at every state that the limits allow: then one of the two is
-missed by cᵀν (C. A. Micchelli and T. J. Rivlin, "A Survey of Optimal Recovery", 1977). The largest
-such cᵀν is a linear program with as many conditions as there are states.
+in the prior box and |φ(y, ẏ, ÿ)ᵀν| ≤ δ(y, ẏ) at every state that the limits allow: then the error
+is cᵀν for one of the two (C. A. Micchelli and T. J. Rivlin, "A Survey of Optimal Recovery", 1977).
+The largest such cᵀν is a linear program with as many conditions as there are states.
 
-It is solved on a few states, and where its ν breaks a condition worst, a state is added. What is
-printed does not rest on those states: the excess s = max |φᵀν|/δ over all of them is bounded by
+It is solved on a few states, and where its ν violates a condition most, a state is added. The
+result does not depend on those states: the excess s = max |φᵀν|/δ over all states is bounded by
 interval arithmetic on ever smaller cells, and ν/s keeps every condition.
 
-The limits are those of the planned motion. A loop that leaves them a little may learn a little
-more, and data may be luckier than the worst ones; no design can count on either.
+The limits are those of the planned motion. If the closed loop exceeds them, or if the data are more
+favourable than the worst ones, the actual intervals can be slightly smaller; no design can rely on
+either.
 """
 
 from typing import NamedTuple
@@ -27,10 +28,10 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 from jaxid.regression.worst_case import Norm
 
-_TOLERANCE = 1e-4  # relative, between the printed floor and what no proof could exceed
-_ROUNDED = 1e-9  # of a floor: far more than rounding leaves of any sum in it
-_ROUNDS = 40  # of adding states
-_CHUNK = 2048  # cells that are looked at together: one compilation
+_TOLERANCE = 1e-4  # relative, between the proved lower bound and its upper limit
+_ROUNDED = 1e-9  # relative, subtracted from a lower bound: far more than rounding of its sums
+_ROUNDS = 40  # rounds in which states are added
+_CHUNK = 2048  # cells that are evaluated together: one compilation
 _MOST = 200_000  # cells; with more the proof stops at a larger s
 
 Cells = Float[np.ndarray, "cells 4"]
@@ -39,14 +40,15 @@ Vector = Float[np.ndarray, " m"]
 
 
 class LowerBound(NamedTuple):
-    """Of k functionals of θ.
+    """Lower bounds on the worst-case errors of k functionals of θ, with their proofs.
 
     Attributes:
-        value: no motion within the limits and no estimator can guarantee less, shape (k,).
-        above: the proof cannot give more than this, shape (k,).
-        dual: the ν that prove it, shape (k, m).
-        estimated: parameters whose regressors are a user's own, without bounds of their slopes: if
-            there are any, the floor is an estimate.
+        value: proved lower bound of each worst-case error, shape (k,): no motion within the limits
+            and no estimator can guarantee less.
+        above: upper limit of what this proof can give, shape (k,).
+        dual: parameter deviations ν that prove the bounds, shape (k, m).
+        estimated: names of parameters with user-defined regressors without slope bounds; if there
+            are any, the lower bound is an estimate.
     """
 
     value: Float[Array, " k"]
@@ -56,12 +58,17 @@ class LowerBound(NamedTuple):
 
 
 def lower_bound(system: System, limits: Limits, norm: Norm | None = None) -> LowerBound:
-    """The certified floor of a system under limits.
+    """Return a proved lower bound on the worst-case error of any motion and any estimator.
+
+    It holds before the data are known: no experiment within the limits can guarantee less.
 
     Args:
-        system: its regressors, δ and box.
-        limits: of position, velocity and acceleration; the others do not count.
-        norm: the functionals; without one, the m parameters themselves.
+        system: axis with its regressors, disturbance bound δ and prior box.
+        limits: limits of position, velocity and acceleration; the other limits are not used.
+        norm: functionals of θ to bound; default the m parameters themselves.
+
+    Raises:
+        ValueError: if the system is not float64.
 
     Example:
         >>> least = jd.lower_bound(slide, limits)
@@ -98,7 +105,7 @@ def _of_one(system: System, limits: Limits, functional: Vector) -> tuple[float, 
 
 
 def _corners(limits: Limits) -> Float[np.ndarray, "states 2"]:
-    """Positions and velocities to begin with."""
+    """Return the first positions and velocities: a 9 × 9 grid within the limits."""
     ends = (np.asarray(x) for x in (limits.position, limits.velocity))
     y, v = (np.linspace(low, high, 9) for low, high in ends)
     return np.stack([x.ravel() for x in np.meshgrid(y, v)], axis=1)
@@ -107,7 +114,7 @@ def _corners(limits: Limits) -> Float[np.ndarray, "states 2"]:
 def _on_states(
     system: System, limits: Limits, functional: Vector, states: Float[np.ndarray, "states 2"]
 ) -> Vector:
-    """The best ν for some states, each with both extreme accelerations."""
+    """Return the best ν for some states, each with both extreme accelerations."""
     y, v = jnp.asarray(states.T)
     delta = np.asarray(system.disturbance_bound(y, v))
     forces = [np.asarray(force) for force in system.forces(y, v)]
@@ -127,7 +134,7 @@ def _on_states(
         method="highs",
     )
     assert solution.x is not None  # ν = 0 keeps all conditions, and the box is bounded
-    return np.clip(solution.x, -1.0, 1.0) * box  # the solver keeps bounds to a tolerance
+    return np.clip(solution.x, -1.0, 1.0) * box  # the solver keeps bounds only to a tolerance
 
 
 def _excess(
@@ -156,7 +163,7 @@ def _excess(
 
 
 class _Look(NamedTuple):
-    """|φᵀν|/δ of cells: bounds, values in the middle, bounds with one side of the cell removed."""
+    """Bounds of |φᵀν|/δ per cell, its value in the middle, and bounds without each side."""
 
     upper: PerCell
     middle: PerCell
@@ -165,7 +172,7 @@ class _Look(NamedTuple):
 
 
 def _looked_at(system: System, limits: Limits, nu: Vector, cells: Cells) -> _Look:
-    """In chunks of one size, so that there is one compilation."""
+    """Return the bounds of all cells, in chunks of one size for a single compilation."""
     padded = np.concatenate([cells, np.repeat(cells[-1:], -len(cells) % _CHUNK, axis=0)])
     parts = [
         _ratios(system, limits, jnp.asarray(nu), jnp.asarray(padded[k : k + _CHUNK].T))
@@ -192,11 +199,11 @@ def _ratio(
     forces = system.force_ranges(position, velocity)
     total = sum((n * f for n, f in zip(nu[1:], forces, strict=True)), start=nu[0] * acceleration)
     ratio = abs(total).upper / system.disturbance_bound.range(position, velocity).lower
-    return jnp.where(jnp.isnan(ratio), jnp.inf, ratio)  # what is unknown is not bounded
+    return jnp.where(jnp.isnan(ratio), jnp.inf, ratio)  # NaN bounds nothing
 
 
 def _halved(cells: Cells, across_y: Bool[np.ndarray, " cells"]) -> Float[np.ndarray, "halves 4"]:
-    """Each cut in two: where position makes the bound wide across it, elsewhere across velocity."""
+    """Return both halves of each cell, cut where the bound is wider: position or velocity."""
     first, last = np.where(across_y, 0, 2), np.where(across_y, 1, 3)
     row = np.arange(len(cells))
     middle = (cells[row, first] + cells[row, last]) / 2

@@ -38,20 +38,22 @@ from jaxid.regression.worst_case import Norm, affine_worst_case_error, bias
 
 _GAP = 1e-11  # relative, small enough to stop
 _STEPS = 100  # at most; 5 to 20 are usual
-_ROUNDED = 1e-13  # by which |aᵀz| may be above 1
-_TILT = 1e-12  # of d, so that no entry of x is zero and no step in vain
+_ROUNDED = 1e-13  # tolerance of |aᵀz| ≤ 1
+_TILT = 1e-12  # relative perturbation of d, so that no entry of x is zero (no degenerate step)
 
 
 class Optimum(eqx.Module):
-    """The least worst-case errors of k functionals, each between two values that prove each other.
+    """The least worst-case errors of k functionals of θ, with bounds that prove them.
 
     Attributes:
-        error: of `weights`, exactly but for rounding, which is added: shape (k,), in the units of
-            the functionals.
-        floor: what no estimator can guarantee less than before the data, rounding taken off.
-        weights: g of the affine estimators centre + g(u − Φ·centre), shape (k, n).
-        dual: the ν that prove the floors, shape (k, m): within the bounds ν and −ν look alike.
-        steps: of the exchange, shape (k,).
+        error: worst-case error of `weights`, with rounding added, shape (k,), in the units of the
+            functionals.
+        floor: lower bound on the worst-case error of every estimator, with rounding subtracted,
+            shape (k,).
+        weights: weights g of the affine estimators centre + g(u − Φ·centre), shape (k, n).
+        dual: parameter deviations ν that prove the lower bounds, shape (k, m): centre + ν and
+            centre − ν can produce the same data.
+        steps: number of steps of the exchange algorithm, shape (k,).
     """
 
     error: Float[Array, " k"]
@@ -62,26 +64,26 @@ class Optimum(eqx.Module):
 
     @property
     def gap(self) -> Float[Array, " k"]:
-        """By how much of itself each error is above the least possible one, at most."""
+        """The relative optimality gap (error − floor)/error of each functional, shape (k,)."""
         return (self.error - self.floor) / self.error
 
 
 def minimax(rows: Rows, half_widths: Float[Array, " m"], norm: Norm | None = None) -> Optimum:
-    """Weights of the least worst-case error over all |Δ_k| ≤ δ_k and all θ in the box.
+    """Return the weights of the least worst-case error over all |Δ_k| ≤ δ_k and all θ in the box.
 
-    However the search ends, `error` is that of the weights and `floor` that of a feasible ν. Both
-    have the derivatives of the optimum, with weights and ν as constants (envelope theorem), and no
-    second ones:
+    Even if the search stops early, `error` is that of the weights and `floor` that of a feasible ν.
+    Both have the derivatives of the optimum, with weights and ν as constants (envelope theorem),
+    and no second derivatives:
 
         ∂r/∂φ_k = −g_k ν,   ∂r/∂δ_k = |g_k|,   ∂r/∂b_j = |c − Φᵀg|_j,   ∂r/∂c = ν.
 
     Where several weights are optimal these are one of several subgradients.
 
     Args:
-        rows: of one motion or record, δ above zero in every row that has a measure. Otherwise the
-            measure does not count: a row is not worth more for standing for more time.
-        half_widths: b of the prior box, above zero, in the units of the parameters.
-        norm: the functionals; without one, the m parameters themselves.
+        rows: regression rows of one motion or record, with δ above zero in every row of nonzero
+            measure. The size of the measure has no influence.
+        half_widths: half-widths b of the prior box, above zero, in the units of the parameters.
+        norm: functionals of θ to estimate; default the m parameters themselves.
 
     Raises:
         ValueError: if anything is not float64, or a δ or b is not above zero and finite.
@@ -122,7 +124,7 @@ def _lagrangian(
 def _optimal(
     rows: Rows, half_widths: Float[Array, " m"], norm: Norm
 ) -> tuple[Float[Array, "k n"], Float[Array, "k m"], Int[Array, " k"]]:
-    """Weights, ν up to a factor, and the steps they took."""
+    """Return weights, ν up to a factor, and the number of steps."""
     columns, delta = _counted(rows)
     scaled = jnp.stack([b * x / delta for b, x in zip(half_widths, columns, strict=True)])
     A = jnp.concatenate([scaled, jnp.eye(half_widths.size)], axis=1)
@@ -169,7 +171,7 @@ def _relative(vectors: Float[Array, "k m"]) -> float:
 
 
 class _Primal(NamedTuple):
-    """The m entries of an x, and where they are."""
+    """The m entries of an x that may be nonzero, with their columns."""
 
     columns: Int[Array, " m"]
     x: Float[Array, " m"]
@@ -194,9 +196,9 @@ def _chosen(condition: Bool[Array, ""], new: Tree, old: Tree) -> Tree:
 
 
 class _State(NamedTuple):
-    """Of the exchange: the columns that may have weight next, the tilt of d, and the best so far.
+    """The state of the exchange: the next columns, the tilt of d, and the best x and z so far.
 
-    Best x and best z may be of different steps.
+    The best x and the best z may be of different steps.
     """
 
     columns: Int[Array, " m"]
@@ -212,7 +214,7 @@ def _exchange(
 ) -> tuple[Float[Array, " N"], Float[Array, " m"], Int[Array, ""]]:
     """X with A x = d of least ‖x‖₁, and z with ‖Aᵀz‖_∞ = 1 that proves it; A ends with I."""
     m, N = A.shape
-    # one that no data lie in; the tilt is gone in the end
+    # a generic direction; the perturbation shrinks to zero in the end
     direction = jnp.max(jnp.abs(d)) * (1 + (jnp.arange(1.0, m + 1) * jnp.sqrt(5.0)) % 1)
 
     def step(state: _State) -> _State:
@@ -226,7 +228,7 @@ def _exchange(
         reach = z @ A
         entering = jnp.argmax(jnp.abs(reach))
         excess = jnp.abs(reach[entering])
-        missed = jnp.sum(jnp.abs(d - basis @ x))  # by rounding: left to the box
+        missed = jnp.sum(jnp.abs(d - basis @ x))  # rounding, taken by the columns of the box
         primal = state.primal.or_better(_Primal(columns, x, jnp.sum(jnp.abs(x)) + missed))
         dual = state.dual.or_better(_Dual(z / excess, z @ d / excess))
         optimal = excess <= 1 + _ROUNDED

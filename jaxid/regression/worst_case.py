@@ -16,9 +16,10 @@ from jaxid.loop.record import Rows
 
 
 def information(rows: Rows) -> Float[Array, "m m"]:
-    """P = ∫ φ φᵀ dt of Theorem 1.
+    """Return the information matrix P = ∫ φ φᵀ dt of Theorem 1, shape (m, m).
 
-    Entry by entry: a batched matrix product of such thin matrices takes three times as long.
+    It is computed entry by entry, since a batched product of such thin matrices takes three times
+    as long.
     """
     columns, m = rows.columns, len(rows.columns)
     pairs = [(i, j) for i in range(m) for j in range(i, m)]
@@ -27,7 +28,12 @@ def information(rows: Rows) -> Float[Array, "m m"]:
 
 
 def least_squares(rows: Rows, norm: "Norm | None" = None) -> Float[Array, "k n"]:
-    """The weights of (11), P⁻¹ Φᵀ diag(measure); with a norm those of its functionals of θ."""
+    """Return the least-squares weights P⁻¹ Φᵀ diag(measure) of (11), one row per functional.
+
+    Args:
+        rows: regression rows of one motion or record.
+        norm: functionals of θ to estimate; default the m parameters themselves.
+    """
     P = information(rows)
     functionals = jnp.eye(P.shape[0], dtype=P.dtype) if norm is None else norm.functionals
     mixtures = jnp.linalg.solve(P, functionals.T).T
@@ -35,17 +41,29 @@ def least_squares(rows: Rows, norm: "Norm | None" = None) -> Float[Array, "k n"]
 
 
 def worst_case_error(weights: Float[Array, "k n"], delta: Float[Array, " n"]) -> Float[Array, " k"]:
-    """Max |Σ_k G_ik Δ_k| over all |Δ_k| ≤ δ_k: the row sums of (13) and (15), with P⁻¹."""
+    """Return max |Σ_k G_ik Δ_k| over all |Δ_k| ≤ δ_k, for each row i of the weights.
+
+    For least-squares weights these are the row sums of (13) and (15).
+
+    Args:
+        weights: estimator weights G, shape (k, n).
+        delta: disturbance bound δ of each row, shape (n,).
+    """
     return jnp.abs(weights) @ delta
 
 
 def bias(
     weights: Float[Array, "k n"], rows: Rows, norm: "Norm | None" = None
 ) -> Float[Array, "k m"]:
-    """C − GΦ: how an affine estimator C·centre + G(u − Φ·centre) of Cθ answers to θ − centre.
+    """Return C − GΦ: the factor of θ − centre in the error of an affine estimator of Cθ.
 
-    Zero, up to rounding, for least squares, weighted or not; C are the functionals of the norm, or
-    without one the parameters themselves.
+    The estimator is C·centre + G(u − Φ·centre). For least squares, weighted or not, the bias is
+    zero up to rounding.
+
+    Args:
+        weights: estimator weights G, shape (k, n).
+        rows: regression rows.
+        norm: functionals C of θ; default the m parameters themselves.
     """
     products = jnp.stack([weights @ column for column in rows.columns], axis=1)
     functionals = jnp.eye(len(rows.columns)) if norm is None else norm.functionals
@@ -58,10 +76,16 @@ def affine_worst_case_error(
     half_widths: Float[Array, " m"],
     norm: "Norm | None" = None,
 ) -> Float[Array, " k"]:
-    """Max |GΔ − (C − GΦ)(θ − centre)| over all |Δ_k| ≤ δ_k and all θ in a box, biased or not.
+    """Return max |GΔ − (C − GΦ)(θ − centre)| over all |Δ_k| ≤ δ_k and all θ in the prior box.
 
     Both terms are symmetric and independent, so it is the sum of their maxima, which δ·sign(G) and
-    the corner of the box at −sign(C − GΦ) reach.
+    the corner of the box at −sign(C − GΦ) attain. It is exact for biased and unbiased weights.
+
+    Args:
+        weights: estimator weights G, shape (k, n).
+        rows: regression rows.
+        half_widths: half-widths of the prior box, in the units of the parameters.
+        norm: functionals C of θ; default the m parameters themselves.
     """
     return worst_case_error(weights, rows.delta) + worst_case_error(
         bias(weights, rows, norm), half_widths
@@ -71,9 +95,15 @@ def affine_worst_case_error(
 def smooth_worst_case_error(
     weights: Float[Array, "k n"], rows: Rows, smoothing: Scalar
 ) -> Float[Array, " k"]:
-    """`worst_case_error` with √(g² + s²) for |g|, never below it: for gradients, not for bounds.
+    """Return a smooth upper approximation of `worst_case_error`, with √(g² + s²) for |g|.
 
-    Per unit of time s is `smoothing` times the root mean square of g, which has no kink of its own.
+    It serves gradients and is never below the exact error. Per unit of time, s is `smoothing` times
+    the root mean square of g.
+
+    Args:
+        weights: estimator weights g, shape (k, n).
+        rows: regression rows, with δ and measure.
+        smoothing: smoothing parameter, dimensionless; zero gives the exact error.
     """
     measure = rows.measure[None, :]
     density = weights**2 / jnp.where(measure > 0, measure, 1.0)  # no measure, no weight
@@ -85,10 +115,15 @@ def smooth_worst_case_error(
 
 
 class Norm(eqx.Module):
-    """max_k |c_kᵀ θ̃| over the rows c_k of a matrix: every norm of the paper, and any combination.
+    """The norm max_k |c_kᵀ θ̃| of an estimation error θ̃, over the rows c_k of a matrix.
+
+    All norms of the paper have this form.
 
     Attributes:
-        functionals: the rows c_k, shape (k, m).
+        functionals: rows c_k, shape (k, m).
+
+    Raises:
+        ValueError: if a row is zero.
     """
 
     functionals: Float[Array, "k m"] = eqx.field(converter=as_array("functionals"))
@@ -108,15 +143,24 @@ class Norm(eqx.Module):
 
 
 def individual(index: int, count: int) -> Norm:
-    """|·|_∞i of (14): the error of one parameter of `count`, in its own unit."""
+    """Return the norm |·|_∞i of (14): the error of one parameter, in its own unit.
+
+    Args:
+        index: index of the parameter in θ.
+        count: number m of parameters.
+    """
     return Norm(jnp.zeros((1, count)).at[0, index].set(1.0))
 
 
 def infinity(scale: Numbers) -> Norm:
-    """The ∞ norm of (13), each parameter divided by its own scale so that units do not matter.
+    """Return the ∞-norm of (13), with each parameter divided by its own scale.
 
     Args:
-        scale: of each parameter, positive, not traced; inf leaves one out.
+        scale: scale of each parameter, positive, in its unit, not traced; inf leaves a parameter
+            out.
+
+    Raises:
+        ValueError: if a scale is not positive, or none is finite.
     """
     counted = ~np.isinf(scale)
     require(
@@ -128,12 +172,16 @@ def infinity(scale: Numbers) -> Norm:
 
 
 def require_informative(rows: Rows, names: tuple[str, ...], scale: Float[Array, " m"]) -> None:
-    """Refuse rows whose P is singular, naming the combination that the motion cannot tell apart.
+    """Raise an error if P is singular, and name the parameters that are not identifiable.
 
     Args:
-        rows: of one motion or record, not traced.
-        names: of the m parameters.
-        scale: their natural sizes (half the box), to compare columns of different units.
+        rows: regression rows of one motion or record, not traced.
+        names: names of the m parameters.
+        scale: typical sizes of the parameters (half-widths of the prior box), to compare columns of
+            different units.
+
+    Raises:
+        ValueError: if P is singular to rounding.
     """
     P = information(rows) * jnp.outer(scale, scale)
     values, vectors = jnp.linalg.eigh(P)

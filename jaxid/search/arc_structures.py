@@ -1,8 +1,8 @@
-"""Starts made of dwells: constant speeds in some order with fast changes in between.
+"""Starts of a search: motions of constant speeds with fast changes between them.
 
-Good motions dwell: at top speed, just above a threshold of δ, at rest. Which speeds in which order
-is a question that gradients do not answer. A motion of dwells has few numbers, so it can be evolved
-by values of the objective alone: many small populations, each of which finds an order of its own.
+Good motions hold a few speeds: the top speed, one just above a threshold of δ, or zero. Gradients
+do not find which speeds in which order. A motion of constant speeds has few parameters, so an
+evolutionary search finds them by values of the objective alone, in many small populations.
 """
 
 from typing import NamedTuple
@@ -17,20 +17,21 @@ from jaxid.motion.limits import Limits
 from jaxid.motion.motion_space import MotionSpace
 from jaxid.search.problem import Problem
 
-# dwells per motion, motions per population, and populations per batch
+# constant speeds per motion, motions per population, and populations per batch
 _DWELLS, MEMBERS, _POPULATIONS = 7, 12, 8
 # uniform numbers that a child is made from: drawn together, since every draw costs compilation
 _CHOICES = 8 + _DWELLS
-# corners that evolution does not see: the descent that follows begins with the same
+# smoothing of the objective: the same as at the start of the descent
 _SMOOTHING = 0.003
 
 
 class Arcs(NamedTuple):
-    """Speeds that are held one after the other.
+    """The parameters of a motion of k constant speeds, held one after the other.
 
     Attributes:
-        speeds: in order, m/s or rad/s.
-        shares: of the time that the changes of speed leave, in any unit; not negative.
+        speeds: signed speeds in order, m/s or rad/s.
+        shares: share of the time at each speed, at least zero and in any unit; the time is what
+            the changes of speed leave of the duration.
     """
 
     speeds: Float[Array, "*batch k"]
@@ -40,14 +41,17 @@ class Arcs(NamedTuple):
 def evolve_arcs(
     key: PRNGKeyArray, problem: Problem, space: MotionSpace, count: int, generations: int
 ) -> Float[Array, "count d"]:
-    """The best motion of dwells of each of `count` populations.
+    """Return the best motion of constant speeds from each of `count` evolved populations.
 
     Args:
-        key: of the random choices.
-        problem: for its objective and limits.
-        space: that the motions are projected onto.
-        count: of populations.
-        generations: of each.
+        key: JAX key of the random choices.
+        problem: objective and limits of the motions.
+        space: coordinates of the motions, onto which they are projected.
+        count: number of populations.
+        generations: number of generations of each population.
+
+    Returns:
+        Coordinates in `space`, one row per population.
     """
     # one compilation for a batch, whatever the number of populations
     keys = jax.random.split(key, -(-count // _POPULATIONS))
@@ -101,15 +105,16 @@ def _evolve(
 
 
 def jerk_of(dwells: Arcs, limits: Limits, space: MotionSpace) -> Float[Array, " n"]:
-    """The jerk of a motion of dwells, from the start's speed and back to rest.
+    """Return the jerk of a motion of constant speeds that ends with zero speed.
 
     Every change of speed is as fast as whole intervals and the limits allow: r intervals of jerk, c
-    of constant acceleration, r of the opposite jerk. Where it ends is left to the projection.
+    of constant acceleration, r of the opposite jerk. The end position is not controlled; the
+    projection onto `space` corrects it.
 
     Args:
-        dwells: one motion.
-        limits: of acceleration and jerk.
-        space: for the start and the intervals; padding gets no jerk.
+        dwells: parameters of one motion.
+        limits: limits of acceleration and jerk.
+        space: start state and intervals of the motion; padding gets no jerk.
     """
     period, intervals = space.durations[0], jnp.sum(space.durations > 0)
     fastest = jnp.min(jnp.abs(limits.acceleration))
@@ -134,7 +139,11 @@ def jerk_of(dwells: Arcs, limits: Limits, space: MotionSpace) -> Float[Array, " 
 
 
 def _child(u: Float[Array, " choices"], parent: Arcs, mate: Arcs, limits: Limits) -> Arcs:
-    """The parent with other shares, with another speed, continued as its mate, or two swapped."""
+    """Return a variation of the parent by one of six random operators.
+
+    They change all shares, move a share, replace a speed, scale a speed, continue as the mate, or
+    swap two speeds.
+    """
     speeds, shares = parent
     i, j = _choice(u[0], _DWELLS), _choice(u[1], _DWELLS)
     spread = 10.0 ** (2.0 * u[2] - 2.0)
@@ -155,14 +164,14 @@ def _child(u: Float[Array, " choices"], parent: Arcs, mate: Arcs, limits: Limits
 
 
 def _random_speed(kind: Array, sign: Array, size: Array, limits: Limits) -> Float[Array, "..."]:
-    """A third at a limit, a tenth at rest, the others log-uniform over two decades below."""
+    """Return a speed at a limit (35 %), log-uniform over two decades below (55 %), or 0 (10 %)."""
     extreme = jnp.where(sign < 0.5, *limits.velocity)
     slower = extreme * 10.0 ** (-2.0 * size)
     return jnp.select([kind < 0.35, kind < 0.9], [extreme, slower], 0.0)
 
 
 def _choice(u: Array, count: int) -> Array:
-    """A whole number below `count` from a uniform one below 1."""
+    """Return a whole number from 0 to `count` − 1, from a uniform number u in [0, 1)."""
     return jnp.floor(u * count).astype(int)
 
 

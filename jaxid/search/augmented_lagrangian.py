@@ -12,26 +12,26 @@ from jaxid._types import Scalar
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.problem import Multipliers, Problem
 
-LAST_SMOOTHING = 0.0003  # of the objective's corners
-_HALVING_SMOOTHING = 0.001  # where unfinished motions are compared
+LAST_SMOOTHING = 0.0003  # of the objective's kinks, in the last stage
+_HALVING_SMOOTHING = 0.001  # of the objective's kinks, where motions are compared between stages
 
 
 @runtime_checkable
 class Chart(Protocol):
-    """Motions by numbers of order one: a `MotionSpace`, or a family with less freedom."""
+    """Coordinates of motions: a `MotionSpace`, or a family of motions with fewer parameters."""
 
     def trajectory(self, z: Float[Array, " d"]) -> JerkTrajectory:
-        """The motion with these numbers."""
+        """Return the motion with the coordinates z, which are of order one."""
         ...
 
 
 class Stage(NamedTuple):
-    """One stage of the descent.
+    """The settings of one stage of the descent on the augmented Lagrangian.
 
     Attributes:
-        penalty: ρ, the weight of a squared violation (in half-widths) against the objective.
-        step: of Adam, in normalised trajectory; it shrinks to a fiftieth within the stage.
-        smoothing: of the objective's corners.
+        penalty: penalty ρ of a squared violation (in half-widths), relative to the objective.
+        step: step size of Adam in normalised coordinates; it falls to a fiftieth within the stage.
+        smoothing: smoothing parameter of the objective's kinks.
     """
 
     penalty: Scalar
@@ -49,7 +49,7 @@ _BATCH = 16
 
 
 def stages(count: int) -> list[Stage]:
-    """From loose to tight, geometrically."""
+    """Return `count` stages with geometrically growing penalty and shrinking step and smoothing."""
     columns = (
         jnp.geomspace(3.0, 100.0, count),
         jnp.geomspace(0.1, 0.01, count),
@@ -61,18 +61,21 @@ def stages(count: int) -> list[Stage]:
 def descend(
     problem: Problem, space: Chart, z: Float[Array, "starts d"], count: int, steps: int
 ) -> Float[Array, "survivors d"]:
-    """All starts through the stages; before each stage but the first, the worse half is given up.
+    """Return improved motions from many starts, by gradient descent in stages.
 
-    Halving gives most of the time to the few that deserve it: the last stages decide between
-    motions that differ by a per cent, the first between those that differ by ten. It ends at one
-    batch: fewer motions would need a compilation of their own.
+    Before each stage but the first, the worse half of the motions is discarded, down to one batch
+    of 16 motions, so that most of the time is spent on the best ones.
 
     Args:
-        problem: its limits as penalties; what remains of a violation is left to `walk`.
-        space: of the motions, a pytree.
-        z: coordinates of the starts.
-        count: of stages.
-        steps: of gradient descent per stage.
+        problem: objective, and limits as penalties; remaining violations are left to
+            `jaxid.search.restoration.restored`.
+        space: coordinates of the motions, a pytree.
+        z: coordinates of the starts, one row each.
+        count: number of stages.
+        steps: number of gradient steps per stage.
+
+    Returns:
+        Coordinates of the motions that were not discarded, one row each.
     """
     shapes = jax.eval_shape(jax.vmap(lambda z: problem.violations(space.trajectory(z))), z)
     lanes = _Lanes(z, jax.tree.map(lambda c: jnp.zeros(c.shape, c.dtype), shapes))
@@ -87,7 +90,7 @@ def descend(
 
 
 def _batches(lanes: _Lanes) -> list[_Lanes]:
-    """One compilation for a batch, whatever the number of starts."""
+    """Return the lanes in batches of one size, for a single compilation."""
     return [
         jax.tree.map(lambda x, at=at: x[at : at + _BATCH], lanes)
         for at in range(0, lanes.z.shape[0], _BATCH)

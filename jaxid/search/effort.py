@@ -1,43 +1,47 @@
-"""How long a search goes on, for every kind of search."""
+"""The effort of a search for a motion."""
 
 from typing import NamedTuple
 
-# Of the objective, one after the other: without the first the programs stall on kinks earlier
-# (0.1 % of the motor's J), and after the second the rounded J is within 0.02 % of the exact one.
+# Smoothing parameters of the objective, in order: without the first, linear programs stall on kinks
+# earlier (0.1 % of the motor's J); with the second, the smoothed J is within 0.02 % of the exact J.
 SMOOTHINGS = (0.0006, 0.0001)
 
 
 class Effort(NamedTuple):
-    """How long to search for a motion. The default finds the motor's motions within one per cent.
+    """The effort of a search for a motion: numbers of starts, steps, rounds and linear programs.
 
-    A search from random motions takes all fields up to `smoothings`, a design for the predicted
-    error those with `searches` and `predicted` as well; an improvement of a given motion takes
+    With the default, the motions for the motor of the paper are found within one per cent.
+
+    A search from random motions uses all fields up to `smoothings`; a design for the predicted
+    error also `searches` and those with `predicted`; an improvement of a given motion uses
     `programs`, `smoothings` and those with `newton`.
 
     Attributes:
-        starts: motions that are improved together, at the beginning.
-        generations: of motions made of phases of constant speed, before the first descent; with 0
-            the starts are random.
-        stages: of a descent; each goes on with the better half.
-        steps: of gradient descent per stage.
-        rounds: of rearranging the best and descending again.
-        variations: motions that are improved together in a round. In the same time four rounds of
-            32 reached further than two of 64 or eight of 16.
-        parents: how many of the best are rearranged.
-        finalists: how many of the best are refined by linear programs.
-        programs: linear programs per smoothing, at most, in a refinement.
-        smoothings: of the objective in a refinement, one after the other.
-        searches: for starts of a design for the predicted error. In 40 % of those for the motor the
-            order of its phases ends 0.8 % above the others, so that four fail together in 3 %.
-        predicted_programs: linear programs per smoothing, at most, for the predicted error.
-        predicted_smoothings: of the predicted error. The large ones move a motion into another
-            order of its phases, the small ones see what an instant at the threshold of δ is worth:
-            without the first the motor's M ends half a per cent higher, without the last a third.
-        newton_rounds: of quasi-Newton steps on a given motion; after each the multipliers of its
-            limits are updated. With 0 only linear programs are solved.
-        newton_steps: quasi-Newton steps per round.
-        newton_smoothing: of the objective's kinks in these steps.
-        newton_penalty: of a squared violation, in half-widths, against the objective.
+        starts: number of motions that are improved together in the first descent.
+        generations: number of generations of motions made of constant speeds, before the first
+            descent; with 0 the starts are random.
+        stages: number of stages of a descent; each continues with the better half of the motions.
+        steps: number of gradient steps per stage.
+        rounds: number of rounds in which the best motions are rearranged and descend again.
+        variations: number of motions that are improved together in a round. In the same time, four
+            rounds of 32 reached lower values than two of 64 or eight of 16.
+        parents: number of best motions that are rearranged in a round.
+        finalists: number of best motions that are refined by linear programs.
+        programs: largest number of linear programs per smoothing in a refinement.
+        smoothings: smoothing parameters of the objective in a refinement, in order.
+        searches: number of searches for starts of a design for the predicted error. For the motor,
+            40 % of them end 0.8 % above the others, so that four fail together in 3 % of cases.
+        predicted_programs: largest number of linear programs per smoothing for the predicted error.
+        predicted_smoothings: smoothing parameters of the predicted error, in order. The large ones
+            allow another order of the phases of a motion, the small ones resolve the threshold of
+            δ: for the motor's M, the error ends 0.5 % higher without the first and a third of a per
+            cent higher without the last.
+        newton_rounds: number of rounds of quasi-Newton steps on a given motion; after each, the
+            multipliers of its limits are updated. With 0 only linear programs are solved.
+        newton_steps: number of quasi-Newton steps per round.
+        newton_smoothing: smoothing parameter of the objective's kinks in quasi-Newton steps.
+        newton_penalty: penalty of a squared violation (in half-widths) in quasi-Newton steps,
+            relative to the objective.
     """
 
     starts: int = 64

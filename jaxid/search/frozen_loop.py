@@ -1,8 +1,8 @@
-"""The limits of the axis itself for a small change of its motion.
+"""The limits of the axis itself, for a small change of its motion.
 
-What the axis adds to its motion, tracking errors and feedback effort, hardly changes with the
-motion. Taken as fixed it turns the limits of the axis into limits of the motion that need no
-simulation: exact where it was frozen, and who takes a step looks again.
+Tracking errors and feedback effort of the axis hardly change with the motion. Taken as fixed, they
+turn the limits of the axis into limits of the motion that need no simulation. They are exact for
+the motion at which they were fixed, so the search fixes them anew after every step.
 """
 
 import equinox as eqx
@@ -19,16 +19,16 @@ from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import Envelope, Prediction, axis_violations
 
-_GROUPS = 4  # of ticks per interval of the motion, about: the worst of each gives a condition
-_BLEND = 0.02  # of the top speed: friction jumps faster than a step of a search can follow
+_GROUPS = 4  # groups of samples per interval, each with one condition (its largest violation)
+_BLEND = 0.02  # of the velocity limit: smoothing of jumps of friction, for linearisation
 
 
 class FrozenLoop(Prediction):
-    """The axis adds to any motion what it was seen to add to one.
+    """A prediction of the axis that adds fixed deviations to what the motion itself requires.
 
     Attributes:
-        model: for what a motion asks of the input, its jumps spread.
-        added: to what the motion asks for, tick by tick.
+        model: system that gives the input of the motion itself, with its jumps smoothed.
+        added: deviations of position, velocity, input and input rate, one per sample.
     """
 
     model: System
@@ -36,6 +36,7 @@ class FrozenLoop(Prediction):
 
     @property
     def system(self) -> System:
+        """The system that gives the input of the motion itself."""
         return self.model
 
     def __call__(self, trajectory: JerkTrajectory) -> Envelope:
@@ -44,7 +45,13 @@ class FrozenLoop(Prediction):
 
 
 def freeze(axis: Prediction, limits: Limits, trajectory: JerkTrajectory) -> FrozenLoop:
-    """What an axis adds to this motion, to be added to others near to it."""
+    """Return a prediction that keeps the axis' deviations from one motion for nearby motions.
+
+    Args:
+        axis: prediction of the axis, evaluated once.
+        limits: limits of the axis; the velocity limit scales the smoothing of the system.
+        trajectory: motion at which the result equals `axis`.
+    """
     found = axis(trajectory)
     model = smoothed(axis.system, _BLEND * jnp.max(jnp.abs(limits.velocity)))
     asked = _asked(model, trajectory, found.input.lower.size)
@@ -55,12 +62,16 @@ def freeze(axis: Prediction, limits: Limits, trajectory: JerkTrajectory) -> Froz
 def fixed_margins(
     system: System, ticks: int, margins: tuple[float, float, float, float]
 ) -> FrozenLoop:
-    """An axis that follows its motion but for given margins: plan by the input limit, not by (18).
+    """Return a prediction of an axis that follows its motion within given margins.
+
+    With it, a motion is planned by the input limit itself, not by (18).
 
     Args:
-        system: whose δ and box say what a motion may ask of the input.
-        ticks: at which the limits are looked at, a multiple of the intervals of the motion.
-        margins: of position, velocity, input and input rate, in their units.
+        system: system whose prior box and δ give the input that a motion requires.
+        ticks: number of instants at which the limits are checked, a multiple of the number of
+            intervals of the motion.
+        margins: margins of position, velocity, input and input rate, SI units and unit of the
+            input.
     """
     widths = [jnp.full(ticks, margin) for margin in margins]
     return FrozenLoop(system, Envelope(*(around(width) for width in widths)))
@@ -69,13 +80,13 @@ def fixed_margins(
 def axis_conditions(
     planned: Inequalities, limits: Limits, axis: FrozenLoop, trajectory: JerkTrajectory
 ) -> Inequalities:
-    """The conditions of a motion and, linearised there, those of the axis.
+    """Return the linear conditions of a motion, together with the linearised ones of the axis.
 
     Args:
-        planned: of the motion, for its jerk in `planned.unit`.
-        limits: of the axis.
-        axis: frozen at the motion.
-        trajectory: the motion, without padding.
+        planned: linear conditions of the motion on its jerk, in `planned.unit`.
+        limits: limits of the axis.
+        axis: prediction of the axis, fixed at the motion.
+        trajectory: motion at which the limits are linearised, without padding.
     """
     excess, slopes = map(np.asarray, _linearised(limits, axis, trajectory))
     rows = slopes * planned.unit
@@ -93,7 +104,7 @@ def axis_conditions(
 def _linearised(
     limits: Limits, axis: FrozenLoop, trajectory: JerkTrajectory
 ) -> tuple[Float[Array, " conditions"], Float[Array, "conditions n"]]:
-    """The worst of each group of ticks for each limit, and its slopes over the jerk."""
+    """Return the largest violation per group of samples and limit, and its gradient by the jerk."""
 
     def excess(jerk: Float[Array, " n"]) -> Float[Array, " conditions"]:
         moved = eqx.tree_at(lambda t: t.jerk, trajectory, jerk)
@@ -110,7 +121,7 @@ def _worst_of_groups(side: Float[Array, " ticks"], count: int) -> Float[Array, "
 
 
 def _asked(system: System, trajectory: JerkTrajectory, ticks: int) -> Envelope:
-    """What a motion itself asks for: its states after, and the input at the start of each tick."""
+    """Return the states of a motion after each sample, and its input at the start of each."""
     period = trajectory.duration / ticks
     states = trajectory.states(jnp.arange(ticks + 1) * period)
     position, velocity = (exactly(x[1:]) for x in (states.position, states.velocity))

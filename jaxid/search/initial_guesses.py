@@ -1,8 +1,8 @@
-"""Where a search begins: random motions, rearranged good ones, and longer copies of shorter ones.
+"""Starts of a search: random motions, rearranged good ones, and longer copies of shorter ones.
 
-Good motions dwell: at top speed, just above a threshold of δ, at rest. How long they dwell where is
-a valley that gradients follow badly, since moving a pulse in time means changing every jerk of it.
-Cutting a piece out of one dwell and putting it into another is one step along that valley.
+Good motions hold a few speeds for some time. Gradients change these times only slowly, since moving
+a pulse in time means changing every jerk of it. Moving a piece from one phase of constant speed to
+another is one step in that direction.
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,22 @@ from jaxid.motion.motion_space import MotionSpace
 Jerk = Float[np.ndarray, " n"]
 Knots = Float[np.ndarray, " knots"]
 
-# |a|/a_max up to about this counts as dwelling; most intervals moved at once, and moves per start
+# |a|/a_max of a constant speed, about; most intervals moved at once; most moves per start
 _DWELL, _PIECE, _MOVES = 0.05, 6, 3
-# disturbance of a rearranged start, in normalised trajectory
+# random change of a rearranged start, in normalised coordinates
 _SPREAD = 0.1
 
 
 def random_starts(key: PRNGKeyArray, space: MotionSpace, count: int) -> Float[Array, "count d"]:
-    """Normal coordinates: all frequencies, at about the size of the limits."""
+    """Return random coordinates of motions, independent standard normal, one row per motion.
+
+    They contain all frequencies, at about the size of the limits.
+
+    Args:
+        key: JAX key of the random numbers.
+        space: coordinates of the motions.
+        count: number of motions.
+    """
     return jax.random.normal(key, (count, space.basis.shape[1]))
 
 
@@ -36,15 +44,18 @@ def rearranged(
     acceleration: float,
     count: int,
 ) -> Float[Array, "count d"]:
-    """Each parent itself and variations of it, with pieces moved from dwell to dwell.
+    """Return each parent and variations of it with pieces moved between phases of constant speed.
 
     Args:
-        key: of the random choices.
-        space: of the motions.
-        parents: jerks without padding, all of one length.
-        period: of an interval, s.
-        acceleration: the limit that a dwell is small against.
-        count: how many starts in all, a multiple of the number of parents.
+        key: JAX key of the random choices.
+        space: coordinates of the motions.
+        parents: jerks of the parents without padding, all of one length.
+        period: duration of an interval, s.
+        acceleration: acceleration limit, m/s² or rad/s²; a phase of constant speed has much less.
+        count: number of starts in all, a multiple of the number of parents.
+
+    Returns:
+        Coordinates in `space`, one row per start.
     """
     rng = _generator(key)
     jerks, spread = [], []
@@ -65,14 +76,17 @@ def grown(
     intervals: int,
     count: int,
 ) -> Float[Array, "count d"]:
-    """Longer copies of shorter motions, with intervals of no jerk put in at random places.
+    """Return longer copies of shorter motions, with intervals of zero jerk inserted at random.
 
     Args:
-        key: of the random choices.
-        space: of the longer motions.
-        parents: jerks without padding, shorter than `intervals`.
-        intervals: of the longer motions.
-        count: how many starts in all.
+        key: JAX key of the random choices.
+        space: coordinates of the longer motions.
+        parents: jerks of the shorter motions without padding.
+        intervals: number of intervals of the longer motions.
+        count: number of starts in all.
+
+    Returns:
+        Coordinates in `space`, one row per start.
     """
     rng = _generator(key)
     jerks = []
@@ -97,7 +111,7 @@ def _move(rng: np.random.Generator, jerk: Jerk, period: float, acceleration: flo
 
 
 def _business(jerk: Jerk, period: float, acceleration: float) -> Knots:
-    """|a|/a_max at the knots of a motion that starts without acceleration."""
+    """Return |a|/a_max at the knots of a motion that starts without acceleration."""
     return np.abs(np.append(0.0, np.cumsum(jerk) * period)) / acceleration
 
 

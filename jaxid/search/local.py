@@ -1,7 +1,7 @@
-"""Improve one motion, for any objective and with limits on the axis itself: design through a loop.
+"""Improvement of one given motion, for any objective and with limits on the axis itself.
 
-A good motion is easily destroyed, so the search is warm: quasi-Newton steps with a line search on
-penalties, then linear programs, and nothing but an admissible improvement is ever accepted.
+Quasi-Newton steps with a line search on an augmented Lagrangian come first, then linear programs.
+Only admissible improvements are accepted.
 """
 
 import equinox as eqx
@@ -19,7 +19,7 @@ from jaxid.search.problem import Design, Multipliers, Problem, Report
 from jaxid.search.restoration import interior_motion
 from jaxid.search.slp import refined, repaired
 
-_ROUNDED = 1e-9  # of the objective: less is no improvement
+_ROUNDED = 1e-9  # of the objective: smallest improvement
 
 
 def improve(
@@ -28,17 +28,19 @@ def improve(
     effort: Effort = Effort(),
     report: Report = lambda message: None,
 ) -> Design:
-    """Improve a given motion: restored to the limits if it leaves them, and never made worse.
+    """Return an improved motion that keeps all limits, from a given one that may violate them.
+
+    The start is first restored to the limits; later steps never make it worse.
 
     Args:
-        problem: objective, limits and what the axis does.
-        start: a motion of intervals of equal duration.
-        effort: how long to improve.
-        report: called with what is being computed.
+        problem: objective, limits, and the prediction of the axis.
+        start: motion with intervals of equal duration.
+        effort: numbers of steps of the improvement.
+        report: function that is called with the name of each stage as it begins.
 
     Raises:
-        ValueError: if not even the motion that stays farthest inside its limits keeps those of the
-            axis.
+        InfeasibleError: if no motion of this length keeps the limits of the motion.
+        ValueError: if no motion was found whose axis keeps its limits.
     """
     start = trimmed(start)
     intervals, period = start.jerk.size, float(start.durations[0])
@@ -58,7 +60,7 @@ def improve(
         report("quasi-Newton steps")
         z = space.coordinates(best.jerk)
         found = space.trajectory(_quasi_newton(_still(problem, best), space, z, effort))
-        if jnp.all(jnp.isfinite(found.jerk)):  # where an objective has no slope the search is lost
+        if jnp.all(jnp.isfinite(found.jerk)):  # NaN if the objective has no gradient
             accept(repaired(problem, deep, found))
     report("linear programs")
     accept(refined(problem, deep, best, effort.programs, effort.smoothings))
@@ -66,7 +68,7 @@ def improve(
 
 
 def _still(problem: Problem, trajectory: JerkTrajectory) -> Problem:
-    """The problem with what the axis adds to its motion taken as fixed: limits need no loop."""
+    """Return the problem with the axis' deviations from its motion fixed: no simulation needed."""
     if problem.axis is None:
         return problem
     axis = freeze(problem.axis, problem.limits, trajectory)

@@ -1,7 +1,7 @@
-"""Search by gradients for the motion that minimises any scalar function of it, under limits (16).
+"""Global search by gradients for the motion that minimises any function of it, under limits (16).
 
-The objective is a function of a trajectory and a smoothing. Nothing here knows what it computes, so
-the same search designs through a closed loop or on a parabola.
+The objective is a function of a trajectory and a smoothing parameter. The search does not depend on
+what it computes.
 """
 
 from typing import NamedTuple
@@ -42,22 +42,24 @@ def multistart(
     report: Report = lambda message: None,
     show: Show = lambda trajectory: None,
 ) -> Design:
-    """The best motion that many starts find together, refined by linear programs.
+    """Return the best motion found from many starts, refined by linear programs.
 
     Args:
-        task: what the motion must do.
-        coarse: the objective, of a trajectory and a smoothing; of order one, so the log of a
-            positive quantity. Any function; those of one kind share a compilation as an
-            `equinox.Module`, or as `jax.tree_util.Partial(function, data)`.
-        fine: the same objective on a finer grid, for the refinement and the choice.
-        key: for the starts.
-        shorter: a good motion with fewer intervals: some of the starts are longer copies of it.
-        effort: how long to search.
-        report: called with what is being computed.
-        show: called with the best admissible motion after each descent, and each refined one.
+        task: limits, start, end, via points and length of the motion.
+        coarse: objective for the descent, a function of a trajectory and a smoothing parameter, of
+            order one (e.g. the log of a positive quantity). Objectives of one kind share a
+            compilation as an `equinox.Module` or as `jax.tree_util.Partial(function, data)`.
+        fine: same objective on a finer grid, for the refinement and the final choice.
+        key: JAX key of the random starts.
+        shorter: good motion with fewer intervals, of which some starts are longer copies.
+        effort: number of starts, steps and rounds.
+        report: function that is called with the name of each stage as it begins.
+        show: function that is called with the best admissible motion after each descent and with
+            each refined one.
 
     Raises:
         InfeasibleError: if no motion of this length keeps the limits.
+        ValueError: if no motion was found whose axis keeps its limits.
     """
     problem, (limits, boundary, intervals, period, _, size) = Problem.of(task, coarse), task
     deep = interior_motion(problem, intervals, period, size)
@@ -83,7 +85,7 @@ def multistart(
 def _variations(
     key: PRNGKeyArray, pool: _Pool, task: Task, space: MotionSpace, effort: Effort
 ) -> Float[Array, "starts d"]:
-    """The best motions, and each rearranged."""
+    """Return the best motions and rearranged copies of each."""
     count = min(effort.parents, pool.values.size)
     parents = [_pick(pool, i).jerk[: task.intervals] for i in range(count)]
     fastest = float(jnp.max(jnp.abs(task.limits.acceleration)))
@@ -117,7 +119,10 @@ def _first_starts(
     shorter: JerkTrajectory | None,
     effort: Effort,
 ) -> Float[Array, "starts d"]:
-    """An eighth random, the others of dwells; half of the latter give way to longer copies."""
+    """Return the starts: an eighth random, the others of constant speeds.
+
+    With a shorter motion, half of the latter are replaced by longer copies of it.
+    """
     keys = jax.random.split(key, 3)
     made = effort.starts - effort.starts // 8
     copies = 0 if shorter is None else made // 2
@@ -140,7 +145,7 @@ def _value(problem: Problem, trajectory: JerkTrajectory, smoothing: float) -> Sc
 def _admissible(
     problem: Problem, deep: JerkTrajectory, space: MotionSpace, z: Float[Array, "starts d"]
 ) -> _Pool:
-    """The starts walked back into the limits, best first."""
+    """Return the motions restored to the limits, best first."""
 
     def one(z: Float[Array, " d"]) -> tuple[JerkTrajectory, Scalar]:
         found = restored(problem, deep, space.trajectory(z))
@@ -151,13 +156,13 @@ def _admissible(
 
 @eqx.filter_jit
 def _best(one: _Pool, other: _Pool) -> _Pool:
-    """As many as `other` holds, of both."""
+    """Return the best motions of both pools, as many as `other` holds."""
     both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), one, other)
     return jax.tree.map(lambda x: x[: other.values.size], _sorted(both))
 
 
 def _sorted(pool: _Pool) -> _Pool:
-    # a motion that its walk could not make finite must not win by comparing as equal
+    # a motion with a NaN must not be sorted first
     order = jnp.argsort(jnp.nan_to_num(pool.values, nan=jnp.inf))
     return jax.tree.map(lambda x: x[order], pool)
 

@@ -1,4 +1,4 @@
-"""What a search solves (16): minimise a function of a motion, under limits and via points."""
+"""The optimisation problem (16): minimise a function of a motion under limits and via points."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,17 +17,17 @@ from jaxid.motion.violation import Prediction, axis_violations, violations, wors
 Objective = Callable[[JerkTrajectory, Scalar], Scalar]
 Report = Callable[[str], None]
 Show = Callable[[JerkTrajectory], None]
-_MERIT_PENALTY = 100.0  # as hard as the walls of the last stage of a descent
+_MERIT_PENALTY = 100.0  # that of the last stage of a descent
 Multipliers = tuple[Float[Array, "..."], ...]
 
 
 class Design(NamedTuple):
-    """A motion that keeps every limit exactly, and how it was found.
+    """A motion that keeps every limit exactly, with its objective and the history of the search.
 
     Attributes:
-        trajectory: the motion.
-        value: of the objective, not smoothed: the log of an error for the criteria of `jaxid`.
-        history: of a search, the best objective after each descent; of an improvement, the value at
+        trajectory: motion.
+        value: objective without smoothing; for the criteria of `jaxid` the log of an error.
+        history: best objective after each descent of a search; for an improvement, the value at
             the start and after each stage that improved it.
     """
 
@@ -37,13 +37,14 @@ class Design(NamedTuple):
 
 
 class Problem(eqx.Module):
-    """An objective with its conditions, as an augmented Lagrangian sees them.
+    """An objective of a motion with its constraints, for an augmented Lagrangian.
 
     Attributes:
-        objective: of a trajectory and a smoothing.
-        limits: c ≤ 0 for each entry of `violations`, in half-widths.
-        boundary: its inequalities count as well; its equalities are built into the motions.
-        axis: what the axis does along a motion, if the limits are to hold for it too.
+        objective: function of a trajectory and a smoothing parameter.
+        limits: limits of the motion; each entry of `violations` is a constraint c ≤ 0.
+        boundary: start, end and via points; its inequalities are constraints too, its equalities
+            must be met by the coordinates of the motions.
+        axis: prediction of the axis, if the limits are to hold for the axis too.
     """
 
     objective: Objective
@@ -53,11 +54,14 @@ class Problem(eqx.Module):
 
     @classmethod
     def of(cls, task: Task, objective: Objective) -> "Problem":
-        """A task with something to minimise."""
+        """Return the problem of minimising an objective under the conditions of a task."""
         return cls(objective, task.limits, task.boundary, task.axis)
 
     def violations(self, trajectory: JerkTrajectory) -> Multipliers:
-        """How far each condition is exceeded, in half-widths."""
+        """Return by how much a motion exceeds each constraint, in half-widths of the limit.
+
+        The arrays are those of `jaxid.motion.violation.violations`, then those of the axis.
+        """
         planned = violations(self.limits, self.boundary, trajectory)
         if self.axis is None:
             return planned
@@ -65,7 +69,10 @@ class Problem(eqx.Module):
 
     @eqx.filter_jit
     def violation(self, trajectory: JerkTrajectory) -> Scalar:
-        """The largest, in half-widths: of the motion at all times, of the axis tick by tick."""
+        """Return the largest violation of any limit, in half-widths; ≤ 0 if all limits are kept.
+
+        The motion is checked over all of time, the axis once per sample.
+        """
         worst = worst_violation(self.limits, self.boundary, trajectory)
         if self.axis is not None:
             sides = axis_violations(self.limits, self.axis(trajectory))
@@ -74,13 +81,21 @@ class Problem(eqx.Module):
 
     @eqx.filter_jit
     def value(self, trajectory: JerkTrajectory) -> Scalar:
-        """The objective itself, its corners not rounded; inf where undefined."""
+        """Return the objective of a motion without smoothing; inf where it is NaN."""
         return jnp.nan_to_num(self.objective(trajectory, jnp.zeros(())), nan=jnp.inf)
 
     def pushed(
         self, trajectory: JerkTrajectory, multipliers: Multipliers, penalty: Scalar
     ) -> Multipliers:
-        """max(0, λ + ρc) for each condition c ≤ 0 (Rockafellar 1973)."""
+        """Return the updated multipliers max(0, λ + ρc) of the constraints c ≤ 0.
+
+        This is the update of the augmented Lagrangian method (Rockafellar 1973).
+
+        Args:
+            trajectory: motion that gives c.
+            multipliers: multipliers λ, shaped like `violations`.
+            penalty: penalty ρ.
+        """
         c = self.violations(trajectory)
         return jax.tree.map(lambda m, c: jnp.maximum(0.0, m + penalty * c), multipliers, c)
 
@@ -91,13 +106,30 @@ class Problem(eqx.Module):
         penalty: Scalar,
         smoothing: Scalar,
     ) -> Scalar:
-        """The objective and the walls; without multipliers a plain quadratic penalty."""
+        """Return the augmented Lagrangian of a motion.
+
+        With multipliers of zero, it is the objective plus a quadratic penalty of the violations.
+
+        Args:
+            trajectory: motion.
+            multipliers: multipliers λ, shaped like `violations`.
+            penalty: penalty ρ of a squared violation in half-widths.
+            smoothing: smoothing parameter of the objective.
+        """
         pushed = self.pushed(trajectory, multipliers, penalty)
         walls = sum(jnp.sum(x**2) for x in pushed) / (2 * penalty)
         return self.objective(trajectory, smoothing) + walls
 
     def merit(self, trajectory: JerkTrajectory, smoothing: float) -> Scalar:
-        """What motions are compared by that need not keep the limits yet; inf where undefined."""
+        """Return the objective of a motion plus a penalty of its violations; inf where it is NaN.
+
+        It compares motions that need not keep the limits. The penalty is 50 times the sum of the
+        squared violations, in half-widths.
+
+        Args:
+            trajectory: motion.
+            smoothing: smoothing parameter of the objective.
+        """
         nothing = jax.tree.map(jnp.zeros_like, self.violations(trajectory))
         penalty, smooth = jnp.asarray(_MERIT_PENALTY), jnp.asarray(smoothing)
         value = self.lagrangian(trajectory, nothing, penalty, smooth)

@@ -1,4 +1,4 @@
-"""Ways back into the limits, those of the motion and, if a problem has them, those of the axis."""
+"""Restoration of motions to their limits, including those of the axis if the problem has them."""
 
 from typing import Any
 
@@ -14,30 +14,31 @@ from jaxid.motion.feasibility import InfeasibleError, interior
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.problem import Problem
 
-# half-widths: whoever recomputes the extrema in another order still finds the limits kept
+# half-widths: limits remain kept if the extrema are computed in another order
 ROUNDING = 1e-14
-_CHORDS, _MOST_CHORDS = 5, 30  # of a step back, each a simulation of the axis
-_CLOSE = 1e-4  # of the room of the motion that is walked back to: no need to come closer to a limit
-_ROOMY = 0.02  # half-widths of every limit: a motion to walk back to needs no more
+_CHORDS, _MOST_CHORDS = 5, 30  # evaluations of a step back, each a simulation of the axis
+_CLOSE = 1e-4  # of the margin of the interior motion: close enough to a limit
+_ROOMY = 0.02  # half-widths: sufficient margin of an interior motion
 
 
 def interior_motion(
     problem: Problem, intervals: int, period: float, size: int | None = None
 ) -> JerkTrajectory:
-    """A motion strictly inside all limits.
+    """Return a motion with a margin to all limits.
 
-    The deepest within the limits of the motion; if the axis has hardly any room or leaves its own,
-    the deepest with less acceleration.
+    It is the motion of largest margin to the limits of the motion. If the problem has limits on the
+    axis too, and a margin is below 0.02 half-widths, motions with reduced acceleration limits are
+    tried, down to 40 %.
 
     Args:
-        problem: its limits and boundary.
-        intervals: n, how many pieces of constant jerk.
-        period: T of each, s.
-        size: pad to this many intervals; default no padding.
+        problem: limits and boundary of the motion, and the prediction of the axis.
+        intervals: number n of intervals of constant jerk.
+        period: duration T of each interval, s.
+        size: number of intervals to pad the result to; default no padding.
 
     Raises:
         InfeasibleError: if no motion keeps its limits, which a linear program proves.
-        ValueError: if one does, but none was found whose axis keeps its own.
+        ValueError: if no motion was found with a margin, or none whose axis keeps its limits.
     """
     limits, deepest, beyond = problem.limits, None, float("inf")
     for share in np.linspace(1.0, 0.4, 7):
@@ -62,10 +63,15 @@ def interior_motion(
 
 @eqx.filter_jit
 def restored(problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory) -> JerkTrajectory:
-    """The last admissible motion on the way from a strictly admissible one to `candidate`.
+    """Return the admissible motion nearest to `candidate` on the line from an admissible one to it.
 
-    The admissible motions are a convex set, so the share of the way is found by bisection, to the
-    last bit. With an axis that must be simulated `stepped_back` is quicker.
+    It is found by bisection to the last bit, since the admissible motions are a convex set. If the
+    axis must be simulated, `stepped_back` is faster.
+
+    Args:
+        problem: limits of the motion.
+        inside: motion with a margin to all limits.
+        candidate: motion that may violate limits.
     """
 
     def at(share: Scalar) -> JerkTrajectory:
@@ -85,10 +91,17 @@ def restored(problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory
 def stepped_back(
     problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory
 ) -> JerkTrajectory:
-    """The candidate if it is admissible, or an admissible motion a little nearer to `inside`.
+    """Return `candidate` if it is admissible, else an admissible motion on the line to `inside`.
 
-    By regula falsi on the share of the way, in the Illinois form: an end that stays pulls half as
-    hard at the next chord.
+    The point on the line is found by regula falsi (Illinois form), with few evaluations.
+
+    Args:
+        problem: limits of the motion and of the axis.
+        inside: motion with a margin to all limits.
+        candidate: motion that may violate limits.
+
+    Raises:
+        ValueError: if `inside` violates a limit.
     """
     bad, beyond = 0.0, float(problem.violation(candidate))
     if beyond <= -ROUNDING:

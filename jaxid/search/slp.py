@@ -1,4 +1,4 @@
-"""Trust-region sequential linear programs: the last fraction of a per cent, on the exact limits.
+"""Sequential linear programming in a trust region: the final refinement, with exact limits.
 
 Limits and via points are linear in the jerk, so only the objective is linearised. The iterates stay
 admissible, and only improvements are accepted.
@@ -22,12 +22,12 @@ from jaxid.search.frozen_loop import axis_conditions, freeze
 from jaxid.search.problem import Objective, Problem
 from jaxid.search.restoration import ROUNDING, restored, stepped_back
 
-# half-widths that steps leave to the limits of an axis: for the tolerance of the solver, and for
-# what linearised conditions do not see
+# half-widths: margin of a step to the limits of the axis, for the tolerance of the solver and for
+# the error of the linearisation
 _SPARE = 1e-6
-_NEAR = 0.03  # half-widths of a limit
-_CUTS = 8  # rounds of adding broken conditions
-_ROUNDED = 1e-9  # half-widths: what the solver leaves of a condition
+_NEAR = 0.03  # half-widths: conditions nearer than this are imposed first
+_CUTS = 8  # rounds in which violated conditions are added
+_ROUNDED = 1e-9  # half-widths: tolerance of the solver
 _SMALLEST_RADIUS = 1e-6
 
 Vector = Float[np.ndarray, " n"]
@@ -36,12 +36,12 @@ State = TypeVar("State")
 
 
 class Point(NamedTuple):
-    """A motion, as a search by linear programs sees it.
+    """A motion with its objective and gradient, for a sequential linear program.
 
     Attributes:
-        jerk: in the unit of the conditions.
-        value: of the objective.
-        slope: of the objective, over `jerk`.
+        jerk: jerk of each interval, in the unit of the conditions.
+        value: objective.
+        slope: gradient of the objective by `jerk`.
     """
 
     jerk: Vector
@@ -50,12 +50,12 @@ class Point(NamedTuple):
 
 
 class TrustRegion(NamedTuple):
-    """How a sequential linear program moves.
+    """The settings of the trust region of a sequential linear program.
 
     Attributes:
-        radius: of the first region, in the unit of the numbers that are moved.
-        least: a promised decrease of the objective that is not worth a step.
-        steps: linear programs at most.
+        radius: first radius, in the unit of the variables.
+        least: predicted decrease of the objective below which the iteration stops.
+        steps: largest number of linear programs.
     """
 
     radius: float
@@ -69,13 +69,14 @@ def improvements(
     start: tuple[Point, State],
     region: TrustRegion,
 ) -> Iterator[State]:
-    """Every accepted iterate of a sequential linear program, from the first step on.
+    """Yield every accepted iterate of a sequential linear program, without the start.
 
     Args:
-        evaluate: numbers and the state that they are a step from: the point, and its own state.
-        conditions: linear ones, around a state.
-        start: a point and its state.
-        region: its first radius and when to stop.
+        evaluate: function of new variables and the state before the step; returns the point at the
+            variables and its state.
+        conditions: function that returns the linear conditions at a state.
+        start: first point and its state.
+        region: first radius of the trust region, and when to stop.
     """
     at, best = start
     around, radius = conditions(best), region.radius
@@ -94,16 +95,16 @@ def improvements(
 
 
 def linear_step(c: Inequalities, at: Point, radius: float) -> Vector:
-    """The best move within the trust region and all conditions; zero if none is found.
+    """Return the best step of a linear program within the trust region and all conditions.
+
+    It is zero if the program has no solution or the gradient is not finite. To save time, only the
+    conditions near the motion are imposed first, then those that the step violates.
 
     Args:
-        c: the conditions.
-        at: where the motion is; it may break conditions, if the region reaches where they hold.
-            With a slope that is no number there is no move.
-        radius: of the trust region, in the unit of the jerk.
-
-    Conditions that the motion is near to are imposed, then those that the move turns out to break:
-    with all of them from the beginning the programs take three times longer.
+        c: linear conditions.
+        at: motion, its objective and gradient; it may violate conditions that the trust region
+            can reach.
+        radius: radius of the trust region, in the unit of the jerk.
     """
     if not np.all(np.isfinite(at.slope)):
         return np.zeros_like(at.jerk)
@@ -134,7 +135,7 @@ def _solve(
 ) -> Vector:
     low, high = c.jerk / c.unit
     room = np.concatenate([c.upper[up] - here[up], here[down] - c.lower[down]])
-    # what rounding left 1e-17 outside a limit must not make the program infeasible
+    # a violation of 1e-17 by rounding must not make the program infeasible
     room[(room < 0) & (room > -_ROUNDED)] = 0.0
     solution = linprog(
         at.slope,
@@ -161,14 +162,14 @@ def refined(
     programs: int,
     smoothings: Sequence[float] = SMOOTHINGS,
 ) -> JerkTrajectory:
-    """Improve an admissible motion by so many linear programs per smoothing at most.
+    """Return an admissible motion, improved by sequential linear programs.
 
     Args:
-        problem: its objective smoothed, its limits kept exactly.
-        inside: a strictly admissible motion of the same length, to walk back from.
-        start: an admissible motion; padding (intervals of no duration) is left alone.
-        programs: linear programs per smoothing, at most.
-        smoothings: of the objective, one after the other.
+        problem: objective, which is smoothed, and limits, which are kept exactly.
+        inside: motion of the same length with a margin to all limits.
+        start: admissible motion; padding (intervals of duration zero) is not changed.
+        programs: largest number of linear programs per smoothing.
+        smoothings: smoothing parameters of the objective, in order.
     """
     found = start
     for smoothing in smoothings:
@@ -190,8 +191,8 @@ def _descend(
             found = stepped_back(problem, inside, found)
         return _point(problem.objective, found, smoothing, planned), found
 
-    # the motion itself is kept beside its numbers: with an encoder the axis does something else for
-    # a jerk that differs in its last bit
+    # the motion is kept beside its variables: with an encoder, a last bit of the jerk changes the
+    # simulation of the axis
     first = _point(problem.objective, start, smoothing, planned), start
     region = TrustRegion(0.01, 1e-8, steps)
     better = improvements(evaluate, lambda at: _around(problem, planned, at), first, region)
@@ -199,10 +200,15 @@ def _descend(
 
 
 def repaired(problem: Problem, inside: JerkTrajectory, start: JerkTrajectory) -> JerkTrajectory:
-    """An admissible motion near to one that leaves the limits of the axis.
+    """Return an admissible motion near one that violates the limits of the axis.
 
-    By linear programs, each in the smallest trust region that reaches the limits, and in it the
-    best for the objective; or stepped back, where that is better.
+    Up to five linear programs, each in the smallest trust region that reaches the limits, or a step
+    towards `inside`: the result is the one of lower objective.
+
+    Args:
+        problem: objective, limits, and the prediction of the axis.
+        inside: motion with a margin to all limits.
+        start: motion that may violate limits.
     """
     planned, found = _planned(problem, start), start
     for _ in range(5):

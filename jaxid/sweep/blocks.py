@@ -1,15 +1,15 @@
 """A function at many items, in blocks of fixed size: on all devices of all processes, resumable.
 
 The unit of work is a block of a few items. A round gives one block to every device of every
-process; each process leaves the blocks of its own devices as files in a folder that all can reach,
-whole or not at all. A run that is killed loses no more than the blocks of one round: the next one
+process; each process writes the blocks of its own devices to files in a folder that all can reach,
+whole or not at all. A run that is killed loses the blocks of one round at most: the next run
 computes what is missing.
 
 Every device runs one program on arrays of one shape, without a collective: the results are the
 same to the last bit however many devices and processes share the work, and however often it was
-interrupted. Two conditions: machines of one kind, since a compiler uses the instructions that it
-finds; and two devices or more, one of which may be idle, since XLA optimises a program for a
-single device in another order, which shows in last bits (`jaxid.runtime.connect` sees to it).
+interrupted. There are two conditions: machines of one kind, since a compiler uses the instructions
+that it finds; and two devices or more, one of which may be idle, since XLA optimises a program for
+a single device in another order, which changes last bits (`jaxid.runtime.connect` sees to it).
 """
 
 import functools
@@ -45,13 +45,13 @@ _IDLE = -1
 
 @dataclass(frozen=True)
 class Work:
-    """Items 0 … count − 1 of a function.
+    """A function that is to be evaluated at the items 0 … count − 1, in blocks.
 
     Attributes:
-        function: pure; of the data and the index of an item, to arrays by name.
-        data: a pytree of arrays for all items.
-        count: of items.
-        lanes: items of a block, evaluated together.
+        function: pure function of the data and the index of an item; returns arrays by name.
+        data: arrays that the function needs for all items, a pytree.
+        count: number of items.
+        lanes: number of items of a block, evaluated together.
     """
 
     function: Callable[[Any, Int[Array, ""]], Outputs]
@@ -61,22 +61,30 @@ class Work:
 
     @property
     def blocks(self) -> int:
-        """How many there are; the last one is filled up with the last item."""
+        """The number of blocks; the last one is filled up with the last item."""
         return -(-self.count // self.lanes)
 
     def block(self, data: Any, number: Int[Array, ""]) -> Outputs:
-        """The items of one block, along a first axis of length `lanes`."""
+        """Return the results of one block, along a first axis of length `lanes`.
+
+        Args:
+            data: arrays that the function needs.
+            number: number of the block, from 0.
+        """
         items = jnp.minimum(number * self.lanes + jnp.arange(self.lanes), self.count - 1)
         return jax.vmap(self.function, in_axes=(None, 0))(data, items)
 
     @functools.cached_property
     def lowered(self) -> jax.stages.Lowered:
-        """What a block computes, as a text, and the shapes that come out of it."""
+        """The lowered program of one block: its text, and the shapes of its results."""
         return jax.jit(self.block).lower(self.data, jnp.zeros((), jnp.int32))
 
     @functools.cached_property
     def fingerprint(self) -> str:
-        """Of everything that the results depend on: only blocks that share it belong together."""
+        """A SHA-256 of everything that the results depend on: program, data, compiler and options.
+
+        Only blocks with the same fingerprint belong together.
+        """
         compiler = (
             jax.default_backend(),
             jax.device_count() == 1,
@@ -97,13 +105,19 @@ def compute(
     devices: int | None = None,
     report: Report = lambda done, total: None,
 ) -> None:
-    """Evaluate the blocks that are not in the folder yet. Every process of a run calls this.
+    """Evaluate the blocks of a work that are not in the folder yet; every process must call it.
 
     Args:
-        work: the same in all processes.
-        folder: the same for all processes, which may be on different machines.
-        devices: of each process to use; the default is all.
-        report: told at the start and after each round how many blocks are done, and of how many.
+        work: work, the same in all processes.
+        folder: folder of the blocks, the same for all processes, which may be on different
+            machines.
+        devices: number of devices of each process to use; default all.
+        report: function that is called at the start and after each round with the number of blocks
+            done and their total number.
+
+    Raises:
+        ValueError: if a process has other inputs, options or versions than process 0, or the folder
+            holds blocks of other work.
     """
     missing = _agreed_missing(work, folder)
     mesh = Mesh(np.array(jax.devices()), (_AXIS,))
@@ -114,7 +128,7 @@ def compute(
             mesh=mesh,
             in_specs=(everywhere, apart),
             out_specs=apart,
-            check_vma=False,  # no device tells another anything: there is nothing to check
+            check_vma=False,  # devices do not communicate: there is nothing to check
         )
     )
     data = jax.tree.map(lambda leaf: _placed(leaf, mesh, everywhere), work.data)
@@ -135,7 +149,15 @@ def compute(
 
 
 def collect(work: Work, folder: Path) -> Values:
-    """What `compute` has left, item by item along the first axis of every array."""
+    """Return the results of all blocks that `compute` wrote, one item per entry of the first axis.
+
+    Args:
+        work: work that was computed.
+        folder: folder of its blocks.
+
+    Raises:
+        ValueError: if a block is missing, or belongs to other work.
+    """
     for number in range(work.blocks):
         require(
             _status(work, folder, number) == _DONE,
@@ -147,7 +169,7 @@ def collect(work: Work, folder: Path) -> Values:
 
 
 def _agreed_missing(work: Work, folder: Path) -> Int[np.ndarray, " missing"]:
-    """The blocks to compute as process 0 finds them, after all have found that they agree."""
+    """Return the blocks to compute by process 0, after all processes agree on the work."""
     own = np.frombuffer(bytes.fromhex(work.fingerprint), np.uint8)
     found = np.zeros(work.blocks, np.uint8)
     if jax.process_index() == 0:
@@ -169,7 +191,7 @@ def _agreed_missing(work: Work, folder: Path) -> Int[np.ndarray, " missing"]:
 
 
 def _block_or_nothing(work: Work, data: Any, numbers: Int[Array, "1"]) -> Outputs:
-    """What one device does in a round."""
+    """Return the results of one device in a round; zeros if it is idle."""
 
     def nothing() -> Outputs:
         return jax.tree.map(lambda out: jnp.zeros(out.shape, out.dtype), work.lowered.out_info)
@@ -178,7 +200,7 @@ def _block_or_nothing(work: Work, data: Any, numbers: Int[Array, "1"]) -> Output
 
 
 def _placed(values: Any, mesh: Mesh, spec: PartitionSpec) -> Array:
-    """An array over all processes; each gives what its devices need of a value that all have."""
+    """Return an array over all processes from a value that every process has."""
     values = np.asarray(values)
     return jax.make_array_from_callback(
         values.shape, NamedSharding(mesh, spec), lambda index: values[index]
@@ -186,7 +208,7 @@ def _placed(values: Any, mesh: Mesh, spec: PartitionSpec) -> Array:
 
 
 def _of_this_process(outputs: Outputs, mesh: Mesh) -> Iterator[tuple[int, Values]]:
-    """What the devices of this process have computed, with the place of each in the mesh."""
+    """Yield the results of the devices of this process, with the place of each in the mesh."""
     places = {device: place for place, device in enumerate(mesh.devices)}
     shards = {name: array.addressable_shards for name, array in outputs.items()}
     for parts in zip(*shards.values(), strict=True):
@@ -214,6 +236,6 @@ def _read(folder: Path, number: int) -> tuple[str, Values]:
 def _status(work: Work, folder: Path, number: int) -> int:
     try:
         return _DONE if _read(folder, number)[0] == work.fingerprint else _FOREIGN
-    # no process leaves a torn file, but a power failure can
+    # a power failure can leave an incomplete file
     except (FileNotFoundError, EOFError, ValueError, zipfile.BadZipFile):
         return _MISSING

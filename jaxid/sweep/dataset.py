@@ -1,4 +1,4 @@
-"""The results of a sweep as one labelled data set, with units: arrays that explain themselves."""
+"""The results of a sweep as one labelled data set, with units."""
 
 import importlib.metadata
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from jaxid.sweep.grid import Grid
 LOOP = ("design", "horizon", "gains", "scenario")
 FILTERED = (*LOOP, "bandwidth", "parameter")
 
-# dimensions, what it is, and its unit, of the gains of the controllers that have names for them
+# dimensions, description and unit of the gains, by class of controller
 _GAINS: Mapping[type, Mapping[str, tuple[str | tuple[str, ...], str, str]]] = {
     ARC: {
         "k1": ("gains", "k₁ of (19)", "1/s"),
@@ -34,15 +34,15 @@ _PER_PARAMETER = "that of the parameter, see `unit`"
 
 @dataclass(frozen=True)
 class Labels:
-    """The names along the axes of a grid.
+    """The names along the axes of a grid of closed loops.
 
     Attributes:
-        motions: for each motion what it was designed for, and its horizon N_i.
-        horizons: of the axis; those without a motion are left empty.
-        gains: one per controller.
-        scenarios: one per scenario.
-        shares: by name, what part of the disturbances it is, and its share in each scenario.
-        horizon: what the horizons are, and their unit.
+        motions: criterion that each motion was designed for, and its horizon N_i.
+        horizons: horizons along the axis of the data set; those without a motion remain empty.
+        gains: name of each controller.
+        scenarios: name of each scenario.
+        shares: by name, the description of a share of disturbance, and its value in each scenario.
+        horizon: description of the horizons, and their unit.
     """
 
     motions: Sequence[tuple[str, int | float]]
@@ -54,7 +54,7 @@ class Labels:
 
     @property
     def designs(self) -> list[str]:
-        """What motions were designed for, each once, in order."""
+        """The criteria that motions were designed for, each once, in order."""
         return list(dict.fromkeys(design for design, _ in self.motions))
 
 
@@ -64,15 +64,16 @@ def labelled(
     values: Mapping[str, Shaped[np.ndarray, "count *rest"]],
     attributes: Mapping[str, str | int],
 ) -> xr.Dataset:
-    """What `jaxid.sweep.grid.item` found for every item, with names and units.
+    """Return the results of all items of a sweep as a data set with names and units.
 
     Cells without a motion are NaN; loops that diverged have infinite errors.
 
     Args:
-        grid: what was swept.
-        labels: its names.
-        values: one entry per item along the first axis.
-        attributes: of the data set as a whole, e.g. the command and the seed.
+        grid: motions, controllers, scenarios and bandwidths of the sweep.
+        labels: names along the axes.
+        values: results of `jaxid.sweep.grid.item` by name, with one entry per item along the first
+            axis.
+        attributes: attributes of the data set, e.g. the command and the seed.
     """
     variables = _quantities(grid)
     cells = {name: _cells(grid, labels, values[name]) for name in variables}
@@ -85,12 +86,12 @@ def labelled(
 
 
 def names(axis: xr.DataArray) -> list[str]:
-    """The entries of a coordinate, to be written beside a picture."""
+    """Return the entries of a coordinate as text, for the labels of a picture."""
     return [f"{value:g}" if axis.dtype.kind in "if" else str(value) for value in axis.values]
 
 
 def _quantities(grid: Grid) -> dict[str, tuple[tuple[str, ...], dict[str, str]]]:
-    """Dimensions and attributes of everything that an item gives."""
+    """Return the dimensions and attributes of every result of an item."""
     length, force = UNITS[grid.system.coordinate], grid.system.input_unit
 
     def described(text: str, unit: str) -> dict[str, str]:
@@ -147,7 +148,7 @@ def _coordinates(grid: Grid, labels: Labels) -> dict[str, object]:
 def _cells(
     grid: Grid, labels: Labels, values: Shaped[np.ndarray, "count *rest"]
 ) -> Shaped[np.ndarray, "design horizon gains scenario *rest"]:
-    """Item by item into the table of designs and horizons, which may have holes."""
+    """Return the items as a table of designs and horizons, NaN where there is no motion."""
     designs, horizons = labels.designs, list(labels.horizons)
     motions, *others = grid.shape
     table = np.full((len(designs), len(horizons), *others, *values.shape[1:]), np.nan)

@@ -26,7 +26,14 @@ Tree = TypeVar("Tree")
 
 
 class Swept(NamedTuple):
-    """What a sweep goes through, each with every other; as the attributes of `Grid`, one by one."""
+    """The lists that a sweep combines: every motion with every controller, scenario and bandwidth.
+
+    Attributes:
+        motions: motions.
+        controllers: controllers, all of one class.
+        scenarios: plants, with their disturbances.
+        bandwidths: bandwidths w of H_f, rad/s.
+    """
 
     motions: Sequence[JerkTrajectory]
     controllers: Sequence[Controller]
@@ -35,23 +42,23 @@ class Swept(NamedTuple):
 
 
 class Grid(eqx.Module):
-    """Every motion with every controller in every scenario: one item of a sweep each.
+    """The closed loops of a sweep: one item per motion, controller and scenario.
 
-    What is swept is stacked along a first axis, so that an item is a matter of indices and one
-    compilation serves all.
+    Motions, controllers and scenarios are stacked along a first axis, so that an item is given by
+    indices and one compilation serves all items.
 
     Attributes:
-        system: the axis as its identification knows it.
-        sensor: what the controllers see.
-        motions: stacked, padded to one number of intervals.
-        ticks: of each motion, run once.
-        controllers: stacked, all of one class.
-        scenarios: the plants; random forces are drawn for each item.
-        bandwidths: w of H_f, rad/s.
-        period: of the controllers, s.
-        seed: of the random disturbances.
-        repeats: how often each motion is run, back to back.
-        size: ticks of the longest of these runs.
+        system: axis with its prior box and disturbance bound δ.
+        sensor: sensor that the controllers read.
+        motions: stacked motions, padded to one number of intervals.
+        ticks: number of samples of each motion, run once.
+        controllers: stacked controllers, all of one class.
+        scenarios: plants; random disturbances are drawn for each item.
+        bandwidths: bandwidths w of H_f, rad/s.
+        period: sample period of the controllers, s.
+        seed: seed of the random disturbances.
+        repeats: number of times that each motion is run, back to back.
+        size: number of samples of the longest run.
     """
 
     system: System
@@ -68,13 +75,13 @@ class Grid(eqx.Module):
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """How many motions, controllers and scenarios."""
+        """The numbers of motions, controllers and scenarios."""
         controllers = jax.tree.leaves(self.controllers)[0].shape[0]
         return self.ticks.size, controllers, self.scenarios.theta.shape[0]
 
     @property
     def count(self) -> int:
-        """How many items."""
+        """The number of items: motions times controllers times scenarios."""
         return math.prod(self.shape)
 
 
@@ -87,7 +94,20 @@ def grid(
     repeats: int = 1,
     seed: int = 0,
 ) -> Grid:
-    """Stack what is swept; the other arguments are the attributes of `Grid`."""
+    """Return the closed loops of a sweep, stacked.
+
+    Args:
+        system: axis with its prior box and disturbance bound δ.
+        sensor: sensor that the controllers read.
+        swept: motions, controllers, scenarios and bandwidths.
+        period: sample period of the controllers, s.
+        repeats: number of times that each motion is run, back to back.
+        seed: seed of the random disturbances.
+
+    Raises:
+        ValueError: if one of the lists is empty, the controllers are of different kinds, or a
+            motion does not last a whole number of sample periods.
+    """
     motions, controllers, scenarios, bandwidths = swept
     for name, count in (
         ("motions", len(motions)),
@@ -120,15 +140,19 @@ def grid(
 
 
 def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
-    """One closed loop, and what follows from it with every bandwidth.
+    """Simulate one closed loop, and return its least-squares errors for every bandwidth.
 
-    The random force depends on the seed and the index alone. A loop that diverges beyond what
-    numbers can hold has infinite errors and extremes.
+    The random disturbance depends only on the seed and the index. A loop that diverges to NaN or
+    infinity has infinite errors and extremes.
+
+    Args:
+        grid: closed loops of a sweep.
+        index: index of the item, from 0.
 
     Returns:
         `bound` (J_f), `error` |θ̂ − θ| and `outside`, whether the error exceeds its bound, each of
         shape (w, m); `tracking_error`, the peak; `lowest_` and `highest_` `position`, `velocity`
-        (true, at the ticks) and `input` (commanded).
+        (true, at the samples) and `input` (commanded).
     """
     motion, gains, scenario = jnp.unravel_index(index, grid.shape)
     once, scenarios = grid.ticks[motion], grid.scenarios
@@ -141,7 +165,7 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
     disturbance = _entry(scenarios.disturbance, scenario).drawn(key, grid.size, controller.k1_of_p)
     plant = Plant(grid.system, theta, disturbance)
     record, signals = simulate(plant, controller, grid.sensor, desired, grid.period)
-    # all of the record: a loop that diverges after its motion would spoil 0·x of the measure
+    # zero in all columns: if a loop diverges after its motion, 0·inf would be NaN
     record = jax.tree.map(lambda column: jnp.where(running, column, 0.0), record)
     return _identified(grid, record, theta) | _extremes(signals, running)
 
@@ -151,7 +175,7 @@ def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[s
         """By one bandwidth."""
         estimate = least_squares_estimate(filtered(record, w, grid.period), grid.system)
         error = jnp.abs(estimate.theta - theta)
-        # rounding of θ̂ is not a miss
+        # tolerance for rounding of θ̂
         inside = error <= estimate.bound * (1 + 1e-9)
         finite = jnp.isfinite(estimate.bound) & jnp.isfinite(error)
         return {
