@@ -79,9 +79,9 @@ def require_interval(name: str, interval: Any) -> None:
     """
     if not is_concrete(interval):
         return
-    lower, upper = (float(end) for end in interval)
+    lower, upper = np.asarray(interval).tolist()  # NumPy: a JAX operation would be traced
     require(
-        jnp.isfinite(lower) and jnp.isfinite(upper),
+        bool(np.all(np.isfinite([lower, upper]))),
         f"Argument `{name}` must have two finite ends, but is ({lower:g}, {upper:g}).",
     )
     require(

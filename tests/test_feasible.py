@@ -10,7 +10,7 @@ from experiments.axes import one_link_arm as arm
 from jaxid.io.files import read_table
 from jaxid.motion.feasibility import InfeasibleError, interior, shortest_feasible
 from jaxid.motion.inequalities import responses
-from jaxid.motion.limits import Boundary, Limits, through
+from jaxid.motion.limits import Boundary, Limits, position_at_least, through
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.trajectory import uniform
 from jaxid.motion.violation import worst_violation
@@ -48,6 +48,31 @@ def test_a_length_without_any_room_is_not_the_shortest():
     assert error.value.shortest == 45
     with pytest.raises(ValueError, match=r"with 44 intervals .* have no interior"):
         interior(half, there, 44, T)
+
+
+def test_no_length_up_to_the_longest_that_is_tried_is_said_so():
+    assert shortest_feasible(motor.limits(), motor.boundary(), T, multiple=2, most=42) is None
+    refusal = InfeasibleError(40, T, 0.13, None)
+    assert refusal.shortest is None
+    assert str(refusal).endswith("; no motion of up to 2000 intervals does.")
+
+
+@pytest.mark.parametrize(
+    ("start", "vias", "sentence"),
+    [
+        (
+            (0, 0, 0),
+            (through((10, 0, 0), at=1.0),),
+            r"after 1 .* position .* in \[10, 10\]",
+        ),
+        ((0, 3, 0), (through((0, 0, 0), at=1.0),), r"after 0 .* velocity .* in \[3, 3\]"),
+        ((0, 0, 0), (position_at_least(9.0, at=0.5),), r"after 0\.5 .* position .* in \[9, inf\]"),
+    ],
+)
+def test_a_boundary_outside_the_limits_is_refused_at_once(start, vias, sentence):
+    """Not after a linear program for each of 2000 lengths."""
+    with pytest.raises(ValueError, match=sentence):
+        interior(motor.limits(), Boundary(start, vias), 20, T)
 
 
 def test_the_largest_reach_at_horizon_20_agrees_with_another_program():

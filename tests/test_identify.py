@@ -11,7 +11,7 @@ from jaxid.identification.falsification import MOST
 from jaxid.identification.identify import identify, rounded_down
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
-from jaxid.loop.log import InconsistentLogError, Log
+from jaxid.loop.log import InconsistentLogError, Log, filled
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.motion.trajectory import uniform
 
@@ -101,6 +101,21 @@ def test_a_long_log_is_cut_into_equal_parts_that_lose_nothing(parts):
     np.testing.assert_array_equal(other.position, log.position[374:])
     np.testing.assert_array_equal(one.outer, jnp.stack([log.input[0], log.input[374]]))
     np.testing.assert_array_equal(other.outer, jnp.stack([log.input[373], log.input[-1]]))
+
+
+def test_padding_is_cut_off_where_a_log_is(parts):
+    """Padding that counted as samples would be an axis at rest that moves."""
+    log = parts[0]
+    few = SMALL._replace(samples=400)
+    for size in (800, 1024, 3000):
+        found, expected = (batches([x], few) for x in (filled(log, size), log))
+        assert [int(x.took_place().sum()) for (x,) in found] == [374, 375]
+        for (part,), (own,) in zip(found, expected, strict=True):
+            assert bool(jnp.all(part.took_place()))
+            np.testing.assert_array_equal(part.position, own.position)
+            np.testing.assert_array_equal(part.outer, own.outer)
+    padded = filled(log, 1000).part(700, 900)
+    assert (padded.input.size, int(padded.took_place().sum())) == (200, 49)
 
 
 def test_batches_prove_what_the_whole_does(parts):

@@ -7,12 +7,24 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.loop.closed_loop import ClosedLoop
+from jaxid.design.criteria import FilteredError, LeastSquaresError, PerfectTracking, ThroughLoop
+from jaxid.design.predicted_error import PredictedError
+from jaxid.loop.closed_loop import ClosedLoop, run
+from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.scenarios import every
 from jaxid.loop.sensors import Encoder, IdealSensor
+from jaxid.loop.servo import Servo
+from jaxid.motion.task import Task
 from jaxid.motion.trajectory import uniform
+from jaxid.regression.filtered_least_squares import filtered_least_squares
+from jaxid.regression.worst_case import infinity
 
 H, T, TICKS = 1e-3, 0.01, 60  # s, s, and six intervals of constant jerk
 MOTION = uniform(jnp.zeros(3), jnp.array([500.0, -300.0, -700.0, 400.0, 600.0, -500.0]), T)
+LONGER = uniform(jnp.zeros(3), 60.0 * jnp.array([1.0, -1.0, -1.0, 1.0, 0.5, -0.5]), 0.1)
+SYSTEM = motor.system()
+NORM = infinity(SYSTEM.half_widths)
+TASK = Task(motor.limits(), motor.boundary(), 6, T)
 
 
 def loop(sensor) -> ClosedLoop:
@@ -106,3 +118,61 @@ def test_an_encoder_of_resolution_zero_is_exact_and_its_velocity_a_difference():
     np.testing.assert_allclose(record.input, fine.input, atol=1e-6)
     with pytest.raises(ValueError, match="`resolution` of an encoder must be at least zero"):
         Encoder(-1e-6)
+
+
+def error_of_record(record, smoothing):
+    return FilteredError(NORM, 200.0, H)(record, smoothing)
+
+
+def worst_plant():
+    plants = every(SYSTEM, jnp.stack([0.9 * SYSTEM.centre, 1.1 * SYSTEM.centre]), [NoDisturbance()])
+    return ThroughLoop(loop(IdealSensor()), plants, error_of_record, 2.0, 0.005)
+
+
+def predicted():
+    """The sum of the errors, so that no largest one changes; linear programs on the host."""
+    targets, servo = SYSTEM.half_widths, Servo(H, 1e-6)
+    criterion = PredictedError(SYSTEM, targets, servo, motor.controller(), largest=False)
+    return criterion.near(TASK, MOTION)
+
+
+CRITERIA = {
+    "least squares": lambda: LeastSquaresError(SYSTEM, NORM).near(TASK, MOTION),
+    "perfect tracking": lambda: PerfectTracking(SYSTEM, error_of_record, 2.0, H, TICKS, repeats=2),
+    "worst plant": worst_plant,
+    "predicted": predicted,
+    "own": lambda: lambda trajectory, smoothing: jnp.log(trajectory.extrema().velocity[1]),
+}
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_vmap_of_a_criterion_and_of_its_slope_is_a_loop(name, quick_compilation):
+    """Over the jerk of several motions: values, and gradients under vmap."""
+    criterion, smoothing = CRITERIA[name](), jnp.asarray(1e-3)
+    jerks = jnp.stack([share * MOTION.jerk for share in (1.0, 0.9, 0.7)])
+
+    def value(jerk):
+        return criterion(eqx.tree_at(lambda t: t.jerk, MOTION, jerk), smoothing)
+
+    one = jax.jit(jax.value_and_grad(value))
+    together = jax.jit(jax.vmap(jax.value_and_grad(value)))(jerks)
+    apart = [one(jerk) for jerk in jerks]
+    for found, expected in zip(together, zip(*apart, strict=True), strict=True):
+        expected = np.stack(expected)
+        assert np.all(np.isfinite(expected))
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * abs(expected).max())
+
+
+def test_vmap_of_the_papers_identification_over_bandwidths_is_a_loop():
+    record = run(motor.plant(), motor.controller(), Servo(H, 1e-6), LONGER).record
+    bandwidths = jnp.array([50.0, 200.0, 800.0])
+    one = jax.tree_util.Partial(lambda w: filtered_least_squares(record, SYSTEM, w, H))
+    together = jax.vmap(one)(bandwidths)
+    slope = jax.vmap(jax.grad(lambda w: one(w).bound[0]))(bandwidths)
+    for k, w in enumerate(bandwidths):
+        alone = one(float(w))
+        for a, b in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
+            np.testing.assert_allclose(a[k], b, rtol=1e-9)
+        step = 1e-4 * float(w)
+        bounds = [one(float(w) + s).bound[0] for s in (step, -step)]
+        np.testing.assert_allclose(slope[k], (bounds[0] - bounds[1]) / (2 * step), rtol=1e-4)

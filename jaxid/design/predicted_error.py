@@ -138,7 +138,8 @@ def require_targets(system: System, targets: Float[Array, "..."]) -> None:
     if not is_concrete(targets):
         return
     right = jnp.shape(targets) == (len(system.names),)
-    right = right and bool(jnp.all(targets > 0) & jnp.any(jnp.isfinite(targets)))
+    found = np.asarray(targets)
+    right = right and bool(np.all(found > 0) & np.any(np.isfinite(found)))
     require(
         right,
         f"Argument `targets` must be {len(system.names)} positive numbers, one per parameter, at "

@@ -120,10 +120,10 @@ def _information(system: System, logs: Sequence[Log]) -> Float[np.ndarray, "m m"
 
 
 def _parts(log: Log, most: int) -> Iterator[Log]:
-    length = log.input.size
-    if length <= most:
+    if log.input.size <= most:
         yield log
         return
+    length = _samples(log)  # the padding of a longer log is left out
     edges = np.linspace(0, length, -(-length // most) + 1).round().astype(int).tolist()
     for first, stop in pairwise(edges):
         yield log.part(first, stop)

@@ -8,6 +8,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxid._checks import is_concrete, require
@@ -93,9 +94,9 @@ class ARC(Controller):
 
         if is_concrete(self.gamma):
             require(
-                bool(jnp.all(self.gamma >= 0)),
+                bool(np.all(np.asarray(self.gamma) >= 0)),
                 "Argument `gamma` must have no negative entry, but is "
-                f"{jnp.asarray(self.gamma).tolist()}.",
+                f"{np.asarray(self.gamma).tolist()}.",
             )
 
     @property

@@ -80,11 +80,11 @@ class Log(eqx.Module):
             )
 
     def part(self, first: int, stop: int) -> "Log":
-        """Return the samples from `first` up to `stop` (exclusive) as a log of their own.
-
-        The log must not be padded.
-        """
+        """Return the samples from `first` up to `stop` (exclusive) as a log of their own."""
         before, after = self._neighbours()
+        count = self._count
+        if count is not None:
+            count = jnp.clip(count - first, 0, stop - first)
         return Log(
             self.input[first:stop],
             self.position[first : stop + 1],
@@ -92,6 +92,7 @@ class Log(eqx.Module):
             self.resolution,
             self.jitter,
             jnp.stack([before[first], after[stop - 1]]),
+            count,
         )
 
     def reading_error(self, speed: Motion) -> Motion:

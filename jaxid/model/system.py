@@ -13,6 +13,7 @@ from typing import Literal, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_interval, require_shape
@@ -95,7 +96,7 @@ class System(eqx.Module):
             f"Argument `terms` must have distinct names, but has {list(self.names)}.",
         )
         if is_concrete(self.terms[0].interval):
-            least = float(self.terms[0].interval[0])
+            least = float(np.asarray(self.terms[0].interval)[0])
             require(
                 least > 0,
                 f"Argument `terms`: the inertia {self.terms[0].name} must be above zero all over "
@@ -161,6 +162,15 @@ class System(eqx.Module):
             lower: θ_min, shape (m,), in the units of the parameters.
             upper: θ_max, shape (m,), in the units of the parameters; not below `lower`.
         """
+        for name, ends in (("lower", lower), ("upper", upper)):
+            require_parameters(name, "a box", ends, self)
+        if is_concrete((lower, upper)):
+            low, high = np.asarray(lower), np.asarray(upper)
+            require(
+                bool(np.all(low <= high)) and low[0] > 0,
+                "Arguments `lower` and `upper` of a box must be ordered, with an inertia above "
+                f"zero, but are {low.tolist()} and {high.tolist()}.",
+            )
         ends = [jnp.stack(pair) for pair in zip(lower, upper, strict=True)]
         return eqx.tree_at(lambda s: [term.interval for term in s.terms], self, ends)
 

@@ -4,34 +4,44 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import linprog
 
+from jaxid._checks import require
 from jaxid.motion.inequalities import Inequalities, Vector, sampled_conditions
 from jaxid.motion.limits import Boundary, Limits
-from jaxid.motion.trajectory import JerkTrajectory, padded, uniform
+from jaxid.motion.trajectory import JerkTrajectory, States, padded, uniform
 from jaxid.motion.violation import worst_violation
+
+_MOST = 2000  # intervals of the longest motion that is tried when a shorter one is infeasible
 
 
 class InfeasibleError(ValueError):
     """The error raised when no motion of a given length keeps its limits, which is proved.
 
     Attributes:
-        shortest: smallest feasible number of intervals of constant jerk.
+        shortest: smallest feasible number of intervals of constant jerk; None if even a motion of
+            2000 intervals is infeasible.
     """
 
-    def __init__(self, intervals: int, period: float, shortage: float, shortest: int) -> None:
+    def __init__(
+        self, intervals: int, period: float, shortage: float, shortest: int | None
+    ) -> None:
         """Make the message.
 
         Args:
             intervals: number of intervals that is infeasible.
             period: duration of each interval, s.
             shortage: proved relaxation that all limits would need, in half-widths of each limit.
-            shortest: smallest feasible number of intervals.
+            shortest: smallest feasible number of intervals, if there is one.
         """
         self.shortest = shortest
+        hint = (
+            f"no motion of up to {_MOST} intervals does"
+            if shortest is None
+            else f"the shortest that does has {shortest} intervals"
+        )
         super().__init__(
             f"Argument `intervals`: no motion of {intervals} intervals of {period:g} s keeps the "
             f"limits and via points (a linear program proves that all of them would have to be "
-            f"widened by {100 * shortage:.2g} % of their half-width); the shortest that does has "
-            f"{shortest} intervals."
+            f"widened by {100 * shortage:.2g} % of their half-width); {hint}."
         )
 
 
@@ -49,9 +59,11 @@ def interior(
 
     Raises:
         InfeasibleError: if no motion keeps the limits, which a linear program proves.
-        ValueError: if none was found with a margin above zero, but no proof either.
+        ValueError: if none was found with a margin above zero, but no proof either; or if the
+            boundary itself is outside the limits, so that no motion of any length meets it.
     """
-    trajectory, margin = _deepest(limits, boundary, intervals, period, size)
+    _require_inside(limits, boundary)
+    trajectory, margin = deepest(limits, boundary, intervals, period, size)
     if trajectory is None and margin < 0:
         shortest = shortest_feasible(limits, boundary, period, multiple=_grid(boundary))
         raise InfeasibleError(intervals, period, -margin, shortest)
@@ -64,10 +76,29 @@ def interior(
     return trajectory
 
 
+def _require_inside(limits: Limits, boundary: Boundary) -> None:
+    """Refuse states that are outside the limits, before motions of all lengths are tried."""
+    ends = (
+        (0.0, boundary.start, boundary.start),
+        *((v.at, v.lower, v.upper) for v in boundary.vias),
+    )
+    intervals = [getattr(limits, name) for name in States._fields]
+    for at, lower, upper in ends:
+        for name, low, high, limit in zip(States._fields, lower, upper, intervals, strict=True):
+            require(
+                bool(low <= limit[1]) and bool(high >= limit[0]),
+                f"Argument `boundary`: no motion can meet it, because after {at:g} of its duration "
+                f"the {name} must be in [{float(low):g}, {float(high):g}], outside the limits "
+                f"[{float(limit[0]):g}, {float(limit[1]):g}].",
+            )
+
+
 def shortest_feasible(
-    limits: Limits, boundary: Boundary, period: float, multiple: int = 1, most: int = 2000
-) -> int:
+    limits: Limits, boundary: Boundary, period: float, multiple: int = 1, most: int = _MOST
+) -> int | None:
     """Return the smallest number of intervals of a motion with a margin to all limits.
+
+    It is None if there is none up to `most` intervals.
 
     Args:
         limits: limits of the motion.
@@ -75,25 +106,20 @@ def shortest_feasible(
         period: duration of each interval, s.
         multiple: number of which the result is a multiple.
         most: largest number of intervals that is tried.
-
-    Raises:
-        ValueError: if up to `most` intervals there is none.
     """
     for intervals in range(multiple, most + 1, multiple):
-        if _deepest(limits, boundary, intervals, period)[0] is not None:
+        if deepest(limits, boundary, intervals, period)[0] is not None:
             return intervals
-    raise ValueError(
-        f"Argument `boundary`: no motion of up to {most} intervals of {period:g} s meets it within "
-        "the limits."
-    )
+    return None
 
 
-def _deepest(
+def deepest(
     limits: Limits, boundary: Boundary, intervals: int, period: float, size: int | None = None
 ) -> tuple[JerkTrajectory | None, float]:
     """Return the motion of largest margin, if that is positive, and the margin in half-widths.
 
-    A margin below zero is a proof that no motion keeps the limits.
+    A margin below zero is a proof that no motion keeps the limits. The arguments are those of
+    `interior`.
     """
     margin = 0.0
     for per_interval in (4, 16, 64):

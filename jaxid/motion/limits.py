@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_interval
@@ -44,10 +45,11 @@ class Limits(eqx.Module):
                 continue
             require_interval(name, interval)
             if name != "position" and is_concrete(interval):
+                lower, upper = np.asarray(interval).tolist()
                 require(
-                    float(interval[0]) < 0 < float(interval[1]),
+                    lower < 0 < upper,
                     f"Argument `{name}` must have zero inside, so that the axis can rest, but is "
-                    f"({float(interval[0]):g}, {float(interval[1]):g}).",
+                    f"({lower:g}, {upper:g}).",
                 )
 
     @property
@@ -105,7 +107,7 @@ class Via(eqx.Module):
         )
         if is_concrete((self.lower, self.upper)):
             require(
-                bool(jnp.all(self.lower <= self.upper)),
+                bool(np.all(np.asarray(self.lower) <= np.asarray(self.upper))),
                 "Argument `lower` of a via point must not exceed `upper`, but they are "
                 f"{self.lower.tolist()} and {self.upper.tolist()}.",
             )

@@ -1,6 +1,7 @@
 """The paper's identification (28)-(29): least squares of a filtered record."""
 
 from jaxid._checks import is_concrete, require_float64
+from jaxid._types import Scalar
 from jaxid.loop.record import Record
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate, least_squares_estimate
@@ -9,7 +10,7 @@ from jaxid.regression.worst_case import require_informative
 
 
 def filtered_least_squares(
-    record: Record, system: System, bandwidth: float, period: float
+    record: Record, system: System, bandwidth: Scalar | float, period: Scalar | float
 ) -> Estimate:
     """Return least squares (11) of a record filtered by H_f (28), with the error bound J_f of (29).
 

@@ -27,6 +27,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Bool, Float, Int
 
@@ -271,15 +272,16 @@ def _leaving(x: Float[Array, " m"], change: Float[Array, " m"], excess: Scalar) 
 
 
 def _require_bounded(rows: Rows, half_widths: Float[Array, " m"]) -> None:
-    bounded = (rows.delta > 0) & jnp.isfinite(rows.delta) | ~rows.counted
-    row = int(jnp.argmin(bounded))
+    delta, box = np.asarray(rows.delta), np.asarray(half_widths)  # NumPy: not traced
+    bounded = (delta > 0) & np.isfinite(delta) | ~(np.asarray(rows.measure) > 0)
+    row = int(np.argmin(bounded))
     require(
-        bool(jnp.all(bounded)),
+        bool(np.all(bounded)),
         "Argument `rows` must have a finite δ above zero in every row that has a measure, but "
-        f"delta[{row}] is {float(rows.delta[row]):g}.",
+        f"delta[{row}] is {delta[row]:g}.",
     )
     require(
-        bool(jnp.all((half_widths > 0) & jnp.isfinite(half_widths))),
+        bool(np.all((box > 0) & np.isfinite(box))),
         "Argument `half_widths` of the prior box must be finite and above zero, but is "
-        f"{half_widths.tolist()}.",
+        f"{box.tolist()}.",
     )

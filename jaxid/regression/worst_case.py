@@ -136,7 +136,7 @@ class Norm(eqx.Module):
         )
         if is_concrete(self.functionals):
             require(
-                bool(jnp.all(jnp.any(self.functionals != 0, axis=1))),
+                bool(np.all(np.any(np.asarray(self.functionals) != 0, axis=1))),
                 "Argument `functionals` of a norm must have no zero row, but is "
                 f"{self.functionals.tolist()}.",
             )

@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from jaxid._checks import require
 from jaxid._types import Scalar
-from jaxid.motion.feasibility import InfeasibleError, interior
+from jaxid.motion.feasibility import deepest, interior
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.search.problem import Problem
 
@@ -40,25 +40,24 @@ def interior_motion(
         InfeasibleError: if no motion keeps its limits, which a linear program proves.
         ValueError: if no motion was found with a margin, or none whose axis keeps its limits.
     """
-    limits, deepest, beyond = problem.limits, None, float("inf")
-    for share in np.linspace(1.0, 0.4, 7):
-        gentler = eqx.tree_at(lambda x: x.acceleration, limits, share * limits.acceleration)
-        try:
-            found = interior(gentler, problem.boundary, intervals, period, size)
-        except InfeasibleError:
-            if deepest is None:
-                raise
-            break
-        if (outside := float(problem.violation(found))) < beyond:
-            deepest, beyond = found, outside
+    limits, boundary = problem.limits, problem.boundary
+    best = interior(limits, boundary, intervals, period, size)
+    beyond = float(problem.violation(best))
+    for share in np.linspace(1.0, 0.4, 7)[1:]:
         if problem.axis is None or beyond <= -_ROOMY:
             break
-    if deepest is None or beyond >= 0:
+        gentler = eqx.tree_at(lambda x: x.acceleration, limits, share * limits.acceleration)
+        found, _ = deepest(gentler, boundary, intervals, period, size)
+        if found is None:
+            break
+        if (outside := float(problem.violation(found))) < beyond:
+            best, beyond = found, outside
+    if not beyond < 0:  # no number, if the axis diverges
         raise ValueError(
             f"Argument `limits`: the axis leaves them by {beyond:.2g} half-widths even on the "
             f"gentlest motion tried ({intervals} intervals of {period:g} s): allow a longer motion."
         )
-    return deepest
+    return best
 
 
 @eqx.filter_jit
