@@ -77,6 +77,11 @@ def require_interval(name: str, interval: Any) -> None:
         name: name of the argument.
         interval: lower and upper end.
     """
+    require(
+        jnp.shape(interval) == (2,),
+        f"Argument `{name}` must be two numbers, (lower, upper), but has the shape "
+        f"{jnp.shape(interval)}.",
+    )
     if not is_concrete(interval):
         return
     lower, upper = np.asarray(interval).tolist()  # NumPy: a JAX operation would be traced

@@ -16,11 +16,6 @@ Interval = Float[Array, "2"]
 Numbers = Sequence[float | int] | Shaped[Array | np.ndarray, "..."]  # as a user may write them
 
 
-def as_interval(ends: Numbers) -> Array:
-    """Return a few numbers as one array in the default float type."""
-    return _known_or_traced(lambda: jnp.asarray(ends, dtype=float), ends)
-
-
 def as_array(name: str) -> Callable[[Any], Array]:
     """Return a converter for the argument `name`: numbers in any form become an array of floats.
 

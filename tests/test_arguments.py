@@ -246,6 +246,16 @@ WRONG = {
     "a state of two": (lambda: jd.JerkTrajectory([0, 0], [1.0], [T]), r"`start` .* shape \(3,\)"),
     "one duration": (lambda: jd.JerkTrajectory([0] * 3, JERK, [T]), r"`durations` .* shape \(9,\)"),
     "a number for jerk": (lambda: jd.JerkTrajectory([0] * 3, 5.0, T), r"`jerk` .* shape \(1,\)"),
+    "a boundary of two": (lambda: jd.Boundary([0, 0], []), r"`start` of a boundary .* \(3,\)"),
+    "a via of one": (lambda: jd.Via(1.0, 0.0, 1.0), r"`lower` of a via point .* \(3,\)"),
+    "a limit of one number": (
+        lambda: jd.Term("M", "kg", 5.0),
+        r"`interval of M` must be two numbers",
+    ),
+    "a limit of words": (
+        lambda: jd.Term("M", "kg", ["low", "high"]),
+        r"`interval` must be a number",
+    ),
     "too few parameters": (
         lambda: jd.Plant(SYSTEM, [1.0, 2.0], NoDisturbance()),
         r"`theta` of a plant must have the shape \(4,\) \(for M, B, Fc, dbar\), but has \(2,\)",

@@ -15,7 +15,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_at_least_zero
-from jaxid._types import Scalar, as_array, as_interval
+from jaxid._types import Scalar, as_array
 from jaxid.design.criteria import Criterion, LeastSquaresError
 from jaxid.design.nominal_log import NominalLog, nominal_log, nominal_log_model
 from jaxid.identification.intervals import guaranteed_intervals, narrowed
@@ -172,7 +172,7 @@ class PredictedError(Criterion):
     """
 
     system: System
-    targets: Float[Array, " m"] = eqx.field(converter=as_interval)
+    targets: Float[Array, " m"] = eqx.field(converter=as_array("targets"))
     servo: Servo
     controller: Controller | None = None
     velocity_error: float = 0.0

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._checks import require_at_least_zero, require_positive
-from jaxid._types import Interval, Motion, Scalar, as_array, as_interval
+from jaxid._types import Interval, Motion, Scalar, as_array, or_none
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.smoothing import Nonsmooth
 
@@ -56,7 +56,7 @@ class Custom(Regressor):
 
     function: Callable[[Motion, Motion], Motion] = eqx.field(static=True)
     slopes: Float[Array, "2"] | None = eqx.field(
-        converter=lambda slopes: None if slopes is None else as_interval(slopes), default=None
+        converter=or_none(as_array("slopes")), default=None
     )
 
     def __check_init__(self) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_interval, require_shape
-from jaxid._types import Interval, Motion, Scalar, as_interval, dot
+from jaxid._types import Interval, Motion, Scalar, as_array, dot
 from jaxid.model.disturbance_bound import DisturbanceBound, ScaledBound
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Regressor
@@ -42,7 +42,7 @@ class Term(eqx.Module):
 
     name: str = eqx.field(static=True)
     unit: str = eqx.field(static=True)
-    interval: Interval = eqx.field(converter=as_interval)
+    interval: Interval = eqx.field(converter=as_array("interval"))
     regressor: Regressor | None = None
 
     def __check_init__(self) -> None:
@@ -79,7 +79,7 @@ class System(eqx.Module):
         '0.5 times 6 N'
     """
 
-    terms: tuple[Term, ...]
+    terms: tuple[Term, ...] = eqx.field(converter=tuple)
     disturbance_bound: DisturbanceBound
     input_unit: str = eqx.field(static=True, default="V")
     coordinate: Literal["linear", "rotary"] = eqx.field(static=True, default="linear")

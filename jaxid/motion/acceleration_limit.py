@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_float64
-from jaxid._types import Interval, Numbers, Scalar, as_interval
+from jaxid._types import Interval, Numbers, Scalar, as_array
 from jaxid.model.interval_arithmetic import Range, around
 from jaxid.model.system import System
 from jaxid.motion.trajectory import States
@@ -36,7 +36,7 @@ def acceleration_limit(
     """
     require_float64(system=system)
     peaks = _peak_parameters(system)[1:] * _peak_regressors(system, position, velocity)
-    return _remaining(system, as_interval(input), jnp.sum(peaks))
+    return _remaining(system, as_array("input")(input), jnp.sum(peaks))
 
 
 def acceleration_reach(
@@ -53,13 +53,13 @@ def acceleration_reach(
         velocity: velocity limits (lower, upper), m/s or rad/s.
         input: input limits (lower, upper), in the unit of the input.
     """
-    states = (Range(*as_interval(position)), Range(*as_interval(velocity)))
+    states = (Range(*as_array("position")(position)), Range(*as_array("velocity")(velocity)))
     needs = system.disturbance_bound.range(*states).lower
     up, down = needs, needs
     for theta, span in zip(system.box[1:], system.force_ranges(*states), strict=True):
         up = up + _least_peak(theta, span)
         down = down + _least_peak(-theta, span)
-    low, high = as_interval(input)
+    low, high = as_array("input")(input)
     return jnp.stack([low + down, high - up]) / system.upper[0]
 
 
@@ -88,7 +88,7 @@ def _peak_parameters(system: System) -> Float[Array, " m"]:
 def _peak_regressors(
     system: System, position: Numbers, velocity: Numbers
 ) -> Float[Array, " forces"]:
-    position, velocity = as_interval(position), as_interval(velocity)
+    position, velocity = as_array("position")(position), as_array("velocity")(velocity)
     return jnp.stack(
         [
             term.regressor.magnitude(position, velocity)

@@ -5,8 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid._checks import is_concrete, require, require_interval
-from jaxid._types import Interval, Numbers, Scalar, as_interval, as_known, or_none
+from jaxid._checks import is_concrete, require, require_interval, require_shape
+from jaxid._types import Interval, Numbers, Scalar, as_array, as_known, or_none
+
+_STATE = "position, velocity, acceleration"
 
 
 class Limits(eqx.Module):
@@ -31,12 +33,12 @@ class Limits(eqx.Module):
         [-1.0, 1.0]
     """
 
-    position: Interval = eqx.field(converter=as_interval)
-    velocity: Interval = eqx.field(converter=as_interval)
-    acceleration: Interval = eqx.field(converter=as_interval)
-    jerk: Interval = eqx.field(converter=as_interval)
-    input: Interval = eqx.field(converter=as_interval)
-    input_rate: Interval | None = eqx.field(converter=or_none(as_interval), default=None)
+    position: Interval = eqx.field(converter=as_array("position"))
+    velocity: Interval = eqx.field(converter=as_array("velocity"))
+    acceleration: Interval = eqx.field(converter=as_array("acceleration"))
+    jerk: Interval = eqx.field(converter=as_array("jerk"))
+    input: Interval = eqx.field(converter=as_array("input"))
+    input_rate: Interval | None = eqx.field(converter=or_none(as_array("input_rate")), default=None)
 
     def __check_init__(self) -> None:
         for name in ("position", "velocity", "acceleration", "jerk", "input", "input_rate"):
@@ -97,10 +99,12 @@ class Via(eqx.Module):
     """
 
     at: float = eqx.field(converter=as_known("at"), static=True)
-    lower: Float[Array, "3"] = eqx.field(converter=as_interval)
-    upper: Float[Array, "3"] = eqx.field(converter=as_interval)
+    lower: Float[Array, "3"] = eqx.field(converter=as_array("lower"))
+    upper: Float[Array, "3"] = eqx.field(converter=as_array("upper"))
 
     def __check_init__(self) -> None:
+        for name in ("lower", "upper"):
+            require_shape(name, "a via point", getattr(self, name), (3,), _STATE)
         require(
             0 < self.at <= 1,
             f"Argument `at` must be a fraction of the whole time in (0, 1], but is {self.at:g}.",
@@ -125,8 +129,11 @@ class Boundary(eqx.Module):
         >>> ends = jd.Boundary(rest, (jd.through(rest, at=1.0),))
     """
 
-    start: Float[Array, "3"] = eqx.field(converter=as_interval)
-    vias: tuple[Via, ...]
+    start: Float[Array, "3"] = eqx.field(converter=as_array("start"))
+    vias: tuple[Via, ...] = eqx.field(converter=tuple)
+
+    def __check_init__(self) -> None:
+        require_shape("start", "a boundary", self.start, (3,), _STATE)
 
 
 def through(state: Numbers, at: float) -> Via:
