@@ -1,9 +1,12 @@
 """The promise itself: 500 simulated logs, and no truth outside of any guaranteed interval."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from experiments._support import simulated_logs
+from experiments._support import pieces, simulated_logs
+from experiments._support.pieces import Pieces
 from experiments.beyond import honest
 from experiments.beyond.honest import BARE, PROMISED, USUAL, Honest
 from jaxid.io.files import read_table
@@ -75,35 +78,40 @@ def test_the_one_motion_proves_in_closed_loop_what_was_foreseen(figures):
 
 def test_it_goes_on_where_it_stopped(tmp_path, figures, monkeypatch, capsys):
     options = Honest(tmp_path, figures, logs=4, processes=1, knots=75, block=2)
-    honest.save_block(options, 0)
-    first = options.path(0).read_bytes()
-    made = []
-    save = honest.save_block
-    monkeypatch.setattr(
-        honest, "save_block", lambda o, number: (made.append(number), save(o, number))
-    )
-    honest.complete(options)
-    assert made == [1]
-    assert options.path(0).read_bytes() == first
+    pieces = options.pieces
+    pieces.save("0", honest.block_of(options, "0"))
+    first = pieces.path("0").read_bytes()
+    made, judge = [], honest.judged
+    monkeypatch.setattr(honest, "judged", lambda *args: (made.append(args[2]), judge(*args))[1])
+    found = honest.found_by(options)
+    assert made == [range(2, 4)]
+    assert pieces.path("0").read_bytes() == first
+    assert found.theta.shape == (4, 4)
     honest.main(options)
-    assert made == [1]
+    assert len(made) == 1
     rows = read_table(tmp_path / "honest.csv")
     assert {row["logs"] for row in rows} == {"4"}
     assert "4 simulated logs, seed 0" in capsys.readouterr().out
-    assert not options.folder.exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["honest.csv"]
 
 
-def test_blocks_belong_to_the_code_that_made_them_in_whatever_folder(
-    tmp_path, figures, monkeypatch
-):
-    """A change in a file of a subfolder of the library makes another folder of blocks."""
-    library = tmp_path / "jaxid"
+def test_pieces_belong_to_the_options_inputs_and_code_that_made_them(tmp_path, monkeypatch):
+    """A change in a file of a subfolder of the library makes another folder of pieces."""
+    library, given = tmp_path / "jaxid", tmp_path / "given.csv"
     (library / "model").mkdir(parents=True)
+    given.write_text("1")
     for place in (library, library / "model"):
         (place / "__init__.py").write_text("")
-    monkeypatch.setattr(honest.jaxid, "__file__", str(library / "__init__.py"))
-    options = Honest(tmp_path, figures)
-    before = options.folder
-    assert options.folder == before
+    monkeypatch.setattr(pieces.jaxid, "__file__", str(library / "__init__.py"))
+
+    def folder(asked: object = 1) -> Path:
+        return Pieces.of(tmp_path / "table.csv", asked, [given]).folder
+
+    before = folder()
+    assert folder() == before
+    assert folder(2) != before
     (library / "model" / "__init__.py").write_text("changed = True")
-    assert options.folder != before
+    changed = folder()
+    assert changed != before
+    given.write_text("2")
+    assert folder() not in (before, changed)

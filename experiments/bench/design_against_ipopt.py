@@ -8,7 +8,7 @@ motions take as long as long ones), IPOPT's functions once per cell.
 
 import functools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,15 +19,14 @@ import jax.numpy as jnp
 import numpy as np
 import tyro
 from jaxtyping import Float, PRNGKeyArray
-from tqdm import tqdm
 
-from experiments._support.processes import each
+from experiments._support.pieces import Pieces
 from experiments.axes import linear_motor as motor
 from experiments.paper.designs import STUDIED, TOY
 from jaxid.design.criteria import LeastSquaresError, PlannedError
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import Cell as Value
-from jaxid.io.files import read_table, write_table
+from jaxid.io.files import write_table
 from jaxid.io.plots import text_table
 from jaxid.motion.feasibility import InfeasibleError, interior
 from jaxid.motion.motion_space import motion_space
@@ -62,6 +61,17 @@ class Cell(NamedTuple):
     parameter: str
     horizon: int
 
+    @classmethod
+    def of(cls, label: str) -> "Cell":
+        """From its label."""
+        parameter, horizon = label.rsplit("_", 1)
+        return cls(parameter, int(horizon))
+
+    @property
+    def label(self) -> str:
+        """The name of its piece of work."""
+        return f"{self.parameter}_{self.horizon}"
+
     @property
     def intervals(self) -> int:
         """Of constant jerk."""
@@ -84,20 +94,18 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison:
-    """Table I's feasible cells by both searches; the cells that `out` already holds are kept.
+    """Table I's feasible cells by both searches; goes on where it stopped.
 
     Attributes:
         out: the folder of bench_design.csv.
         seed: of all starts.
         processes: how many cells are searched side by side.
-        again: forget the cells that are there.
         toy: two starts and one stage: only shows that everything runs.
     """
 
     out: Path = Path("figures")
     seed: int = 0
     processes: int = 2
-    again: bool = False
     toy: bool = False
 
     @property
@@ -107,33 +115,25 @@ class Comparison:
 
 
 def main(comparison: Comparison) -> None:
-    """Search the cells that are missing, saving each as soon as it is done; print the table."""
+    """Search all cells, keeping each as soon as it is done; save and print the table."""
     horizons = motor.HORIZONS[1:2] if comparison.toy else motor.HORIZONS[1:]
     names = STUDIED[:1] if comparison.toy else STUDIED
     cells = [Cell(name, horizon) for name in names for horizon in horizons]
-    rows = {} if comparison.again else saved(comparison.path)
-    missing = [cell for cell in cells if cell not in rows]
+    pieces = Pieces.of(comparison.path, (comparison.seed, comparison.toy))
     search = functools.partial(compare, comparison.seed, comparison.toy)
-    for cell, row in tqdm(each(search, missing, comparison.processes), "cells", len(missing)):
-        rows[cell] = row
-        ordered = [rows[c] for c in cells if c in rows]
-        write_table(comparison.path, COLUMNS, ordered)
-    shown = [[rows[cell][name] for name in COLUMNS] for cell in cells]
+    found = pieces.complete([c.label for c in cells], search, comparison.processes, "cells")
+    rows = [row_of(cell, numbers) for cell, numbers in zip(cells, found, strict=True)]
+    write_table(comparison.path, COLUMNS, rows)
+    pieces.discard()
+    shown = [[row[name] for name in COLUMNS] for row in rows]
     print(text_table(COLUMNS, shown, "Design search: ours and IPOPT's best of ten starts"))
-    print("\n".join(verdicts([rows[cell] for cell in cells])))
+    print("\n".join(verdicts(rows)))
 
 
-def saved(path: Path) -> dict[Cell, Row]:
-    """The rows of an earlier, possibly unfinished run."""
-    if not path.exists():
-        return {}
-    numbers = [name for name in COLUMNS if name not in ("parameter", "N")]
-    rows: dict[Cell, Row] = {}
-    for text in read_table(path):
-        cell = Cell(text["parameter"], int(text["N"]))
-        values = {name: float(text[name]) if text[name] else None for name in numbers}
-        rows[cell] = {"parameter": cell.parameter, "N": cell.horizon, **values}
-    return rows
+def row_of(cell: Cell, numbers: Mapping[str, np.ndarray]) -> Row:
+    """The row of a cell; no number stands for what was not reached."""
+    values = {name: None if np.isnan(x) else float(x) for name, x in numbers.items()}
+    return {"parameter": cell.parameter, "N": cell.horizon, **values}
 
 
 def verdicts(rows: list[Row]) -> list[str]:
@@ -146,10 +146,11 @@ def verdicts(rows: list[Row]) -> list[str]:
     ]
 
 
-def compare(seed: int, toy: bool, cell: Cell) -> tuple[Cell, Row]:
-    """The cell and its row, from both searches, IPOPT first."""
+def compare(seed: int, toy: bool, label: str) -> dict[str, np.ndarray]:
+    """The numbers of a cell, from both searches, IPOPT first."""
     from experiments.bench.shooting import LADDER, Program
 
+    cell = Cell.of(label)
     begin = time.perf_counter()
     program = Program(cell.parameter, cell.intervals, LADDER[:1] if toy else LADDER)
     compiled = time.perf_counter() - begin
@@ -159,20 +160,19 @@ def compare(seed: int, toy: bool, cell: Cell) -> tuple[Cell, Row]:
     ours, whole_ours = by_us(cell, seed, effort)
     goal, best = min(ipopt), min(ours)
     reached = next((mark.clock for mark in ours if mark.error <= goal.error), None)
-    return cell, {
-        "parameter": cell.parameter,
-        "N": cell.horizon,
+    numbers = {
         "J_ours": best.error,
         "J_ipopt": goal.error,
         "ours_over_ipopt": best.error / goal.error,
         "ipopt_s": whole_ipopt.wall,
         "ipopt_best_s": goal.clock.wall,
         "ours_s": whole_ours.wall,
-        "ours_reached_s": reached and reached.wall,
-        "share_of_wall": reached and reached.wall / whole_ipopt.wall,
-        "share_of_cpu": reached and reached.cpu / whole_ipopt.cpu,
+        "ours_reached_s": reached.wall if reached else np.nan,
+        "share_of_wall": reached.wall / whole_ipopt.wall if reached else np.nan,
+        "share_of_cpu": reached.cpu / whole_ipopt.cpu if reached else np.nan,
         "ipopt_compile_s": compiled,
     }
+    return {name: np.asarray(number) for name, number in numbers.items()}
 
 
 def by_ipopt(

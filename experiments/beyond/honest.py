@@ -1,8 +1,5 @@
 """Is any truth ever outside of what was guaranteed? Thousands of simulated logs: honest.csv."""
 
-import hashlib
-import io
-import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -14,12 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 import tyro
 from jaxtyping import Array, Bool, Float
-from tqdm import tqdm
 
-import jaxid
 from experiments._support import simulated_logs
 from experiments._support.measured_records import differenced_record, printed_record
-from experiments._support.processes import each
+from experiments._support.pieces import Pieces
 from experiments._support.simulated_logs import Motions
 from experiments.axes import linear_motor as motor
 from jaxid.identification.assumptions import assumptions
@@ -27,7 +22,7 @@ from jaxid.identification.feasible_parameter_set import feasible_set
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
-from jaxid.io.files import write_bytes, write_table
+from jaxid.io.files import write_table
 from jaxid.io.plots import text_table
 from jaxid.loop.log import Log
 from jaxid.regression.estimate import Estimate, least_squares_estimate
@@ -44,7 +39,6 @@ COLUMNS = (
     "intervals", "parameter", "logs", "outside", "half_length_median", "half_length_most",
     "median_over_floor", "most_over_floor",
 )  # fmt: skip
-CODE = (Path(__file__), Path(simulated_logs.__file__))
 USUAL = 500  # of the logs: the one motion, under cogging and friction
 
 Intervals = Mapping[str, tuple[Float[Array, " m"], Float[Array, " m"]]]
@@ -73,18 +67,15 @@ class Honest:
     block: int = 50
 
     @property
-    def folder(self) -> Path:
-        """The finished blocks of a run under way; other motions, options or code have another."""
-        asked = repr((self.logs, self.seed, self.knots, self.block)).encode()
-        digest = hashlib.sha256(asked)
-        code = (*sorted(Path(jaxid.__file__).parent.rglob("*.py")), *CODE)
-        for path in (*simulated_logs.paths(self.motions), *code):
-            digest.update(path.read_bytes())
-        return self.out / f"honest_{digest.hexdigest()[:16]}.blocks"
+    def pieces(self) -> Pieces:
+        """The finished blocks of a run under way."""
+        asked = self.logs, self.seed, self.knots, self.block
+        return Pieces.of(self.out / "honest.csv", asked, simulated_logs.paths(self.motions))
 
-    def path(self, number: int) -> Path:
-        """Of a block."""
-        return self.folder / f"{number}.npz"
+    @property
+    def blocks(self) -> list[str]:
+        """The numbers of all blocks."""
+        return [str(number) for number in range(-(-self.logs // self.block))]
 
     def members(self, number: int) -> range:
         """The logs of a block."""
@@ -102,11 +93,10 @@ class Found(NamedTuple):
 
 def main(options: Honest) -> None:
     """Simulate what is missing, count, print."""
-    complete(options)
-    found = collected(options)
+    found = found_by(options)
     rows = list(table(found))
     write_table(options.out / "honest.csv", COLUMNS, rows)
-    shutil.rmtree(options.folder)
+    options.pieces.discard()
     shown = [[row[name] for name in COLUMNS] for row in rows]
     print(text_table(COLUMNS, shown, f"{options.logs} simulated logs, seed {options.seed}"))
     kept = Log(jnp.zeros(1), jnp.zeros(2), motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)
@@ -114,22 +104,17 @@ def main(options: Honest) -> None:
     print("All intervals but the bare ones rest on:", *rests_on, sep="\n  ")
 
 
-def complete(options: Honest) -> None:
-    """Every block that is not there yet."""
-    numbers = range(-(-options.logs // options.block))
-    missing = [number for number in numbers if not options.path(number).exists()]
-    work = partial(save_block, options)
-    progress = tqdm(each(work, missing, options.processes), "blocks of logs", len(missing))
-    for _ in progress:
-        pass
+def found_by(options: Honest) -> Found:
+    """All logs, in order; blocks that are there already are not judged again."""
+    make = partial(block_of, options)
+    parts = options.pieces.complete(options.blocks, make, options.processes, "blocks of logs")
+    return Found(*(np.concatenate([part[name] for part in parts]) for name in Found._fields))
 
 
-def save_block(options: Honest, number: int) -> None:
+def block_of(options: Honest, number: str) -> dict[str, np.ndarray]:
     """Simulate and judge the logs of a block."""
-    found = judged(options, simulated_logs.read_motions(options.motions), options.members(number))
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **found._asdict())
-    write_bytes(options.path(number), buffer.getvalue())
+    motions = simulated_logs.read_motions(options.motions)
+    return judged(options, motions, options.members(int(number)))._asdict()
 
 
 def judged(options: Honest, motions: Motions, members: range) -> Found:
@@ -180,13 +165,6 @@ def _others(log: Log) -> dict[str, Estimate]:
     )
     bare = [least_squares_estimate(record, system) for record in records]
     return promised | dict(zip(BARE, bare, strict=True))
-
-
-def collected(options: Honest) -> Found:
-    """All blocks, in order."""
-    numbers = range(-(-options.logs // options.block))
-    parts = [np.load(options.path(number)) for number in numbers]
-    return Found(*(np.concatenate([part[name] for part in parts]) for name in Found._fields))
 
 
 def table(found: Found) -> Iterator[dict[str, str | float | int]]:
