@@ -42,6 +42,42 @@ ANY_WEIGHTS = (OF_ROWS + "test_the_bound_of_any_weights_is_reached_by_the_worst_
 UPPER_END = (OF_ROWS + "test_the_upper_end_of_any_weights_is_reached_by_the_worst_of_everything",)
 INTERPOLATION = ("tests/test_log.py::test_the_error_of_interpolation_is_what_the_worst_motion_has",)
 
+FLOOR, FALSIFICATION = "regression/lower_bound.py", "identification/falsification.py"
+ARC, TUBE, OF_TICKS = "loop/controllers.py", "loop/tube.py", "tests/test_tube_ticks.py::"
+ACCELERATION, VIOLATION = "motion/acceleration_limit.py", "motion/violation.py"
+RANGES, REGRESSORS = "model/interval_arithmetic.py", "model/regressors.py"
+DELTA = "model/disturbance_bound.py"
+THEOREM_2 = (
+    "tests/test_bound.py::test_theorem_2_the_adversary_attains_the_bound_and_no_other_sign_does",
+)
+MINIMAX_REACHED = (
+    "tests/test_minimax.py::test_the_worst_case_is_attained_and_no_other_exceeds_it",
+)
+EXACT = ("tests/test_minimax.py::test_exact_arithmetic_confirms_both_values",)
+ESTIMATES = ("tests/test_estimators.py::test_no_truth_is_outside_and_the_worst_one_is_at_the_end",)
+FILTERED = (
+    "tests/test_estimators.py::test_the_exact_error_of_filtered_data_is_below_that_of_the_paper",
+)
+PROOF = ("tests/test_floor.py::test_its_proof_holds_on_a_dense_random_set_of_states",)
+CONTRADICTION = ("tests/test_feasible_set.py::test_data_that_contradict_delta_are_found_out",)
+ROBUST = ("tests/test_control.py::test_the_robust_term_meets_26_at_every_point_and_no_more",)
+PROJECTION = (
+    "tests/test_control.py::"
+    "test_projection_keeps_the_box_and_never_takes_the_estimate_away_from_the_truth",
+)
+LOOPS = (OF_TICKS + "test_no_loop_by_hand_leaves_the_tube_and_the_worst_ones_fill_it",)
+WITHIN = (OF_TICKS + "test_what_changes_within_a_tick_is_counted",)
+EXTREMA = ("tests/test_trajectory.py::test_extrema_bound_a_dense_sampling_and_are_attained",)
+READINGS_OF_18 = "tests/test_system.py::test_both_readings_of_18"
+DEMAND = ("tests/test_refine.py::test_demand_is_the_worst_corner",)
+BEYOND = tuple(
+    f"tests/test_violation.py::test_of_{which}_on_either_side"
+    for which in ("each_limit", "via_points", "an_axis")
+)
+ARITHMETIC = ("tests/test_interval_arithmetic.py::test_arithmetic_is_exact_for_independent_values",)
+FORCES = ("tests/test_interval_arithmetic.py::test_ranges_of_regressors_and_bounds",)
+OWN = ("tests/test_floor.py::test_ranges_and_magnitude_of_a_users_own_function",)
+
 OF_A_LOG = (
     Mutation(
         "half a count of a reading halved",
@@ -429,4 +465,658 @@ OF_ROWS_OF_A_LOG = (
     ),
 )
 
-MUTATIONS = OF_A_LOG + OF_BRACKETS_OF_A_LOG + OF_ROWS_OF_A_LOG
+OF_ESTIMATORS = (
+    Mutation(
+        "disturbance term of a worst-case error halved",
+        "regression/worst_case.py",
+        "return jnp.abs(weights) @ delta",
+        "return jnp.abs(weights) @ delta / 2",
+        THEOREM_2,
+    ),
+    Mutation(
+        "disturbance term of a biased estimator left out",
+        "regression/worst_case.py",
+        "return worst_case_error(weights, rows.delta) + worst_case_error(",
+        "return worst_case_error(",
+        MINIMAX_REACHED,
+    ),
+    Mutation(
+        "bias term of a biased estimator halved",
+        "regression/worst_case.py",
+        "bias(weights, rows, norm), half_widths\n",
+        "bias(weights, rows, norm) / 2, half_widths\n",
+        MINIMAX_REACHED,
+    ),
+    Mutation(
+        "disturbance term of an estimate left out",
+        "regression/estimate.py",
+        "worst_case_error(weights, record.rows.delta)\n        + worst_case_error(remainder",
+        "worst_case_error(remainder",
+        ESTIMATES,
+    ),
+    Mutation(
+        "bias term of an estimate halved",
+        "regression/estimate.py",
+        "+ worst_case_error(remainder, system.half_widths)",
+        "+ worst_case_error(remainder, system.half_widths) / 2",
+        ESTIMATES,
+    ),
+    Mutation(
+        "bias term of an estimate left out",
+        "regression/estimate.py",
+        "\n        + worst_case_error(remainder, system.half_widths)",
+        "",
+        ESTIMATES,
+    ),
+    Mutation(
+        "lower end of an interval with half of the bound",
+        "regression/estimate.py",
+        "self.theta - self.bound",
+        "self.theta - self.bound / 2",
+        ESTIMATES,
+    ),
+    Mutation(
+        "upper end of an interval with half of the bound",
+        "regression/estimate.py",
+        "self.theta + self.bound",
+        "self.theta + self.bound / 2",
+        ESTIMATES,
+    ),
+    Mutation(
+        "δ of J_f halved by the filter",
+        "regression/filters.py",
+        "return eqx.tree_at(lambda r: r.rows.measure, passed, record.rows.measure)",
+        "passed = eqx.tree_at(lambda r: r.rows.delta, passed, passed.rows.delta / 2)\n"
+        "    return eqx.tree_at(lambda r: r.rows.measure, passed, record.rows.measure)",
+        FILTERED,
+    ),
+    Mutation(
+        "what a filter adds at each tick halved",
+        "regression/filters.py",
+        "keep * f + (1 - keep) * c",
+        "keep * f + (1 - keep) / 2 * c",
+        ("tests/test_filters.py::test_low_pass_is_the_held_filter_of_scipy",),
+    ),
+    Mutation(
+        "rounding of a minimax error left out",
+        "regression/minimax.py",
+        "affine_worst_case_error(weights, *fixed) + _rounding(weights, *fixed)",
+        "affine_worst_case_error(weights, *fixed)",
+        EXACT,
+    ),
+    Mutation(
+        "rounding of a minimax floor left out",
+        "regression/minimax.py",
+        "jnp.sum(parts, axis=1) - _relative(parts) * jnp.sum(jnp.abs(parts), axis=1)",
+        "jnp.sum(parts, axis=1)",
+        EXACT,
+    ),
+    Mutation(
+        "rounding of the rows of a minimax proof left out",
+        "regression/minimax.py",
+        "(jnp.abs(dot(columns, nu)) + uncertain)",
+        "jnp.abs(dot(columns, nu))",
+        EXACT,
+    ),
+    Mutation(
+        "the rows in a minimax proof counted half",
+        "regression/minimax.py",
+        "(jnp.abs(dot(columns, nu)) + uncertain) / delta",
+        "(jnp.abs(dot(columns, nu)) + uncertain) / 2 / delta",
+        EXACT,
+    ),
+    Mutation(
+        "the box left out of a minimax proof",
+        "regression/minimax.py",
+        "size = jnp.maximum(size, (1 + rounded) * jnp.max(jnp.abs(nu) / half_widths))",
+        "",
+        EXACT,
+    ),
+)
+
+OF_THE_FLOOR = (
+    Mutation(
+        "the excess over the states left out of the floor",
+        FLOOR,
+        "value, best = above / excess, nu / excess",
+        "value, best = above, nu",
+        PROOF,
+    ),
+    Mutation(
+        "the acceleration of a state halved in the floor",
+        FLOOR,
+        "start=nu[0] * acceleration",
+        "start=nu[0] / 2 * acceleration",
+        PROOF,
+    ),
+    Mutation(
+        "the forces of a state left out of the floor",
+        FLOOR,
+        "total = sum((n * f for n, f in zip(nu[1:], forces, strict=True)), start=",
+        "total = sum((0 * n * f for n, f in zip(nu[1:], forces, strict=True)), start=",
+        PROOF,
+    ),
+    Mutation(
+        "δ of a cell of states from its upper end",
+        FLOOR,
+        "disturbance_bound.range(position, velocity).lower",
+        "disturbance_bound.range(position, velocity).upper",
+        PROOF,
+    ),
+    Mutation(
+        "the middle of a cell of states for all of it",
+        FLOOR,
+        "np.max(look.upper[~undecided], initial=0.0)",
+        "np.max(look.middle[~undecided], initial=0.0)",
+        PROOF,
+    ),
+)
+
+OF_FALSIFICATION = (
+    Mutation(
+        "what data ask of δ doubled",
+        FALSIFICATION,
+        "1.0 - float(end[0] / disturbed[0])",
+        "1.0 - 2 * float(end[0] / disturbed[0])",
+        CONTRADICTION,
+    ),
+    Mutation(
+        "what data leave of δ halved",
+        FALSIFICATION,
+        "1.0 - float(end[0] / disturbed[0])",
+        "1.0 - float(end[0] / disturbed[0]) / 2",
+        CONTRADICTION,
+    ),
+    Mutation(
+        "a factor of δ that is not proved",
+        FALSIFICATION,
+        "(high, n_high))\n    return low",
+        "(high, n_high))\n    return high",
+        CONTRADICTION,
+    ),
+    Mutation(
+        "a proved factor rounded to the nearest",
+        "identification/identify.py",
+        "return floor(factor * 10**digits)",
+        "return round(factor * 10**digits)",
+        ("tests/test_identify.py::test_what_is_needed_at_least_is_rounded_down",),
+    ),
+    Mutation(
+        "the data halved in an upper end of what is possible",
+        ROWS,
+        "jnp.minimum(weights @ misfit + error, box)",
+        "jnp.minimum(weights @ misfit / 2 + error, box)",
+        UPPER_END,
+    ),
+)
+
+OF_CONTROL = (
+    Mutation(
+        "u_s1 (25) halved",
+        ARC,
+        "u_s1 = -self.k2 * p",
+        "u_s1 = -self.k2 * p / 2",
+        ROBUST,
+    ),
+    Mutation(
+        "u_s2 (26) halved",
+        ARC,
+        "* p / (4 * self.epsilon)  # (26)",
+        "* p / (8 * self.epsilon)",
+        ROBUST,
+    ),
+    Mutation(
+        "u_s2 (26) left out",
+        ARC,
+        "return u_a + u_s1 + u_s2, adapted",
+        "return u_a + u_s1, adapted",
+        ROBUST,
+    ),
+    Mutation(
+        "the regressors in the mismatch halved",
+        ARC,
+        "return dot([jnp.abs(f) for f in phi], self.reach)",
+        "return dot([jnp.abs(f) / 2 for f in phi], self.reach)",
+        ROBUST,
+    ),
+    Mutation(
+        "δ left out of the mismatch",
+        ARC,
+        "self.reach) + self.system.disturbance_bound(y, v)",
+        "self.reach)",
+        ROBUST,
+    ),
+    Mutation(
+        "the reach of an estimate that moves halved",
+        ARC,
+        "jnp.where(self.gamma > 0, widths, widths / 2)",
+        "widths / 2",
+        ROBUST,
+    ),
+    Mutation(
+        "adaptation (22) halved",
+        ARC,
+        "t - period * self.gamma[j] * f * p",
+        "t - period / 2 * self.gamma[j] * f * p",
+        PROJECTION,
+    ),
+    Mutation(
+        "projection (23) at the lower end of the box left out",
+        ARC,
+        "lower[j], upper[j])",
+        "-jnp.inf, upper[j])",
+        PROJECTION,
+    ),
+    Mutation(
+        "projection (23) at the upper end of the box left out",
+        ARC,
+        "lower[j], upper[j])",
+        "lower[j], jnp.inf)",
+        PROJECTION,
+    ),
+)
+
+OF_THE_TUBE = (
+    Mutation(
+        "half a count of the encoder halved",
+        "loop/sensors.py",
+        "SensorError(self.resolution / 2, differenced=True)",
+        "SensorError(self.resolution / 4, differenced=True)",
+        (OF_TICKS + "test_a_reading_is_within_the_error_of_its_encoder", *LOOPS),
+    ),
+    Mutation(
+        "a count of the encoder rounded down",
+        "loop/sensors.py",
+        "jnp.round(position / count)",
+        "jnp.floor(position / count)",
+        (OF_TICKS + "test_a_reading_is_within_the_error_of_its_encoder",),
+    ),
+    Mutation(
+        "the encoder in a velocity that is read halved",
+        TUBE,
+        "around(2 * cell.jitter)",
+        "around(cell.jitter)",
+        LOOPS,
+    ),
+    Mutation(
+        "the encoder in the velocity of the axis left out",
+        TUBE,
+        "noise = state.lag + shifted + differenced",
+        "noise = state.lag + differenced",
+        LOOPS,
+    ),
+    Mutation(
+        "the lag of a velocity that is read halved",
+        TUBE,
+        "after._replace(lag=-h / 2 * acceleration)",
+        "after._replace(lag=-h / 4 * acceleration)",
+        LOOPS,
+    ),
+    Mutation(
+        "the lag of a velocity that is read left out",
+        TUBE,
+        "noise = state.lag + shifted + differenced",
+        "noise = shifted + differenced",
+        LOOPS,
+    ),
+    Mutation(
+        "the encoder in a position that is fed back left out",
+        TUBE,
+        "(state.combined + noise + law.k1 * coarse)",
+        "(state.combined + noise)",
+        LOOPS,
+    ),
+    Mutation(
+        "the encoder in the position of the next tick left out",
+        TUBE,
+        "read = g + around(k1 * cell.error.position)",
+        "read = g",
+        LOOPS,
+    ),
+    Mutation(
+        "noise that is left of an encoder from tick to tick halved",
+        TUBE,
+        "return around(left * cell.jitter)",
+        "return around(left * cell.jitter / 2)",
+        LOOPS,
+    ),
+    Mutation(
+        "noise of the tick before left out",
+        TUBE,
+        "left = jnp.abs(fade - keep * shift) + jnp.abs(next_shift - fade)",
+        "left = jnp.abs(next_shift - fade)",
+        LOOPS,
+    ),
+    Mutation(
+        "noise of the tick itself left out",
+        TUBE,
+        "left = jnp.abs(fade - keep * shift) + jnp.abs(next_shift - fade)",
+        "left = jnp.abs(fade - keep * shift)",
+        LOOPS,
+    ),
+    Mutation(
+        "the encoder left out of the position error",
+        TUBE,
+        "h * (p + around(shift * cell.jitter))",
+        "h * p",
+        LOOPS,
+    ),
+    Mutation(
+        "the encoder left out of the velocity at the end of a tick",
+        TUBE,
+        "after.velocity + around(after.shift * cell.jitter)",
+        "after.velocity",
+        LOOPS,
+    ),
+    Mutation(
+        "acceleration within a tick in the position error halved",
+        TUBE,
+        "remainder = h**2 / 2 * acceleration - now.bend",
+        "remainder = h**2 / 4 * acceleration - now.bend",
+        LOOPS,
+    ),
+    Mutation(
+        "δ of the tube halved",
+        TUBE,
+        "return around(delta) - _forces",
+        "return around(delta / 2) - _forces",
+        LOOPS,
+    ),
+    Mutation(
+        "δ of the tube left out",
+        TUBE,
+        "return around(delta) - _forces",
+        "return -_forces",
+        LOOPS,
+    ),
+    Mutation(
+        "δ of the tube from the lower end of its jump",
+        TUBE,
+        "disturbance_bound.range(there, speed).upper",
+        "disturbance_bound.range(there, speed).lower",
+        WITHIN,
+    ),
+    Mutation(
+        "the change of speed within a tick left out of its forces",
+        TUBE,
+        "during = speed | (speed + h * wide)",
+        "during = speed",
+        WITHIN,
+    ),
+    Mutation(
+        "the travel within a tick left out of its forces",
+        TUBE,
+        "there = place | (place + h * speed)",
+        "there = place",
+        WITHIN,
+    ),
+    Mutation(
+        "the inertia of the tube from its middle",
+        TUBE,
+        "return 1 / self.theta[0]",
+        "return exactly(1 / self.theta[0].middle)",
+        LOOPS,
+    ),
+    Mutation(
+        "the other parameters of the tube from their middle",
+        TUBE,
+        "sum((t * f for t, f in zip(theta[1:]",
+        "sum((t.middle * f for t, f in zip(theta[1:]",
+        LOOPS,
+    ),
+    Mutation(
+        "estimates that move taken for the centre of the box",
+        TUBE,
+        "hat = where(moves, Range(box.lower, box.upper), exactly(box.centre))",
+        "hat = where(moves, exactly(box.centre), exactly(box.centre))",
+        LOOPS,
+    ),
+    Mutation(
+        "the feedback gain of the tube from its middle",
+        TUBE,
+        "for end in h))  # h ≥ 0",
+        "for end in (h.middle, h.middle)))",
+        LOOPS,
+    ),
+    Mutation(
+        "the path of a position between two ticks left out",
+        TUBE,
+        "_between(place, end_y, during, h)",
+        "place | end_y",
+        LOOPS,
+    ),
+    Mutation(
+        "the path of a velocity between two ticks left out",
+        TUBE,
+        "_between(speed, end_v, acceleration, h)",
+        "speed | end_v",
+        LOOPS,
+    ),
+    Mutation(
+        "rounding of a tick of the tube left out",
+        TUBE,
+        "spare = around(_ROUNDING * (1 + jnp.abs(now.at.position) / h))",
+        "spare = around(0.0)",
+        LOOPS,
+    ),
+    Mutation(
+        "rounding of the result of the tube left out",
+        TUBE,
+        "return found + around(_ROUNDING * (1 + abs(found).upper))",
+        "return found",
+        LOOPS,
+    ),
+)
+
+OF_MOTIONS = (
+    Mutation(
+        "turning points of a position left out",
+        "motion/trajectory.py",
+        "_span(y, *(s.position for s in inner))",
+        "_span(y)",
+        EXTREMA,
+    ),
+    Mutation(
+        "turning points of a velocity left out",
+        "motion/trajectory.py",
+        "_span(v, inner[0].velocity)",
+        "_span(v)",
+        EXTREMA,
+    ),
+    Mutation(
+        "the second turning point of a position left out",
+        "motion/trajectory.py",
+        "jnp.where(real & (q != 0), 2 * v",
+        "jnp.where(real & (q != 0), 0 * v",
+        EXTREMA,
+    ),
+    Mutation(
+        "the forces of (18) halved",
+        ACCELERATION,
+        "_remaining(system, as_interval(input), jnp.sum(peaks))",
+        "_remaining(system, as_interval(input), jnp.sum(peaks) / 2)",
+        (READINGS_OF_18,),
+    ),
+    Mutation(
+        "the forces of (18) left out",
+        ACCELERATION,
+        "_remaining(system, as_interval(input), jnp.sum(peaks))",
+        "_remaining(system, as_interval(input), 0 * jnp.sum(peaks))",
+        (READINGS_OF_18,),
+    ),
+    Mutation(
+        "the inertia of (18) from the centre of the box",
+        ACCELERATION,
+        "return remaining / system.upper[0]",
+        "return remaining / system.centre[0]",
+        (READINGS_OF_18,),
+    ),
+    Mutation(
+        "the largest parameters of (18) from one end of the box",
+        ACCELERATION,
+        "jnp.maximum(jnp.abs(system.lower), jnp.abs(system.upper))",
+        "jnp.abs(system.lower)",
+        (READINGS_OF_18,),
+    ),
+    Mutation(
+        "δ of the input that a motion asks for halved",
+        ACCELERATION,
+        "start=around(delta)",
+        "start=around(delta / 2)",
+        DEMAND,
+    ),
+    Mutation(
+        "the box of the input that a motion asks for left out",
+        ACCELERATION,
+        "(f * theta for f, theta in zip(phi, system.box, strict=True))",
+        "(f * theta.middle for f, theta in zip(phi, system.box, strict=True))",
+        DEMAND,
+    ),
+    Mutation(
+        "a lower limit left out of a violation",
+        VIOLATION,
+        "jnp.maximum(values - interval[1], interval[0] - values)",
+        "(values - interval[1])",
+        BEYOND,
+    ),
+    Mutation(
+        "a violation halved",
+        VIOLATION,
+        "half_width = (interval[1] - interval[0]) / 2",
+        "half_width = interval[1] - interval[0]",
+        BEYOND,
+    ),
+    Mutation(
+        "via points left out of a violation",
+        VIOLATION,
+        "jnp.concatenate([*sides, _via_excess(limits, boundary, trajectory)])",
+        "jnp.concatenate(sides)",
+        BEYOND,
+    ),
+    Mutation(
+        "the lower end of an axis left out of a violation",
+        VIOLATION,
+        "jnp.maximum(_beyond(values.lower, interval), _beyond(values.upper, interval))",
+        "_beyond(values.upper, interval)",
+        BEYOND,
+    ),
+)
+
+OF_RANGES = (
+    Mutation(
+        "one end of a product left out",
+        RANGES,
+        "return other * self.lower | other * self.upper",
+        "return other * self.upper",
+        ARITHMETIC,
+    ),
+    Mutation(
+        "one end of a quotient left out",
+        RANGES,
+        "quotient = exactly(other / self.lower) | other / self.upper",
+        "quotient = exactly(other / self.lower)",
+        ARITHMETIC,
+    ),
+    Mutation(
+        "a divisor that may be zero taken for another",
+        RANGES,
+        "return where(_holds_zero(self), around(jnp.inf), quotient)",
+        "return quotient",
+        (
+            "tests/test_interval_arithmetic.py::"
+            "test_a_quotient_is_unbounded_if_the_divisor_may_be_zero",
+        ),
+    ),
+    Mutation(
+        "the ends of a difference taken from the same side",
+        RANGES,
+        "return Range(self.lower - upper, self.upper - lower)",
+        "return Range(self.lower - lower, self.upper - upper)",
+        ARITHMETIC,
+    ),
+    Mutation(
+        "the crest of a sine left out",
+        REGRESSORS,
+        "jnp.where(crest, 1.0, ends.upper)",
+        "ends.upper",
+        FORCES,
+    ),
+    Mutation(
+        "the trough of a sine left out",
+        REGRESSORS,
+        "jnp.where(trough, -1.0, ends.lower)",
+        "ends.lower",
+        FORCES,
+    ),
+    Mutation(
+        "the slope over position of a user's own regressor halved",
+        REGRESSORS,
+        "self.slopes[0] * position.half_width",
+        "self.slopes[0] / 2 * position.half_width",
+        OWN,
+    ),
+    Mutation(
+        "the slope over velocity of a user's own regressor left out",
+        REGRESSORS,
+        " + self.slopes[1] * velocity.half_width",
+        "",
+        OWN,
+    ),
+    Mutation(
+        "rest left out of a friction in one direction",
+        REGRESSORS,
+        "where(always, moving, moving | 0.0)",
+        "moving",
+        FORCES,
+    ),
+    Mutation(
+        "dry friction at rest taken for that of a motion forward",
+        REGRESSORS,
+        "Range(jnp.where(lower > 0, 1.0, -1.0)",
+        "Range(jnp.where(lower >= 0, 1.0, -1.0)",
+        ("tests/test_interval_arithmetic.py::test_dry_friction_may_be_anything_at_rest",),
+    ),
+    Mutation(
+        "the slow side of δ left out of its jump",
+        DELTA,
+        "return exactly(slowest) | fastest",
+        "return exactly(fastest)",
+        FORCES,
+    ),
+    Mutation(
+        "a factor of δ left out of its range",
+        DELTA,
+        "return self.factor * self.bound.range(position, velocity)",
+        "return self.bound.range(position, velocity)",
+        ("tests/test_identify.py::test_data_that_contradict_the_bound_are_refused",),
+    ),
+    Mutation(
+        "the reach of a cautious δ halved",
+        DELTA,
+        "velocity + around(self.reach)",
+        "velocity + around(self.reach / 2)",
+        ("tests/test_system.py::test_a_cautious_bound_is_the_largest_within_reach",),
+    ),
+)
+
+OF_CLOCKS = (
+    Mutation(
+        "jitter of the stamps of a log halved",
+        "io/segments.py",
+        "float(np.ptp(rest) / 2)",
+        "float(np.ptp(rest) / 4)",
+        ("tests/test_steady.py::test_every_piece_is_steady",),
+    ),
+    Mutation(
+        "what coarse stamps may hide left out",
+        "io/segments.py",
+        "return period, missed + spacing / 2",
+        "return period, missed",
+        ("tests/test_steady.py::test_what_coarse_stamps_may_hide_counts_as_jitter",),
+    ),
+)
+
+MUTATIONS = (
+    *OF_A_LOG, *OF_BRACKETS_OF_A_LOG, *OF_ROWS_OF_A_LOG, *OF_ESTIMATORS, *OF_THE_FLOOR,
+    *OF_FALSIFICATION, *OF_CONTROL, *OF_THE_TUBE, *OF_MOTIONS, *OF_RANGES, *OF_CLOCKS,
+)  # fmt: skip
