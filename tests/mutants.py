@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -29,7 +29,7 @@ from mutations import MUTATIONS, Mutation
 ROOT = Path(__file__).parent.parent
 KEPT = ROOT / ".mutants.json"
 LONGEST = 900  # s, that the tests of one mutation may take
-OWN = ("mutants.py", "mutations.py", "test_mutants.py")  # what they say changes no other test
+OWN = ("mutants.py", "mutations.py")  # what they say changes no test
 
 # the tests, and then which package it was that they imported
 _RUN = """
@@ -59,10 +59,11 @@ def main(words: Sequence[str]) -> int:
     chosen = [one for one in MUTATIONS if not words or any(word in one.name for word in words)]
     if not chosen:
         raise SystemExit(f"No mutation has a name that contains {' or '.join(words)}.")
-    for one in MUTATIONS:
-        require_once(one)
-    require_passing({test: None for one in chosen for test in one.tests})
-    results = [tried(one, f"{k} of {len(chosen)}") for k, one in enumerate(chosen, 1)]
+    with copied() as folder:
+        for one in MUTATIONS:
+            require_once(one, folder)
+        require_passing({test: None for one in chosen for test in one.tests}, folder)
+        results = [tried(one, f"{k} of {len(chosen)}", folder) for k, one in enumerate(chosen, 1)]
     killed, survived = (results.count(result) for result in ("killed", "survived"))
     undecided = len(results) - killed - survived
     print(
@@ -72,9 +73,9 @@ def main(words: Sequence[str]) -> int:
     return int(killed < len(results))
 
 
-def require_once(one: Mutation) -> None:
+def require_once(one: Mutation, folder: Path = ROOT) -> None:
     """Refuse a mutation whose text is not in its file, or not in one place only."""
-    count = (ROOT / "jaxid" / one.file).read_text().count(one.source)
+    count = (folder / "jaxid" / one.file).read_text().count(one.source)
     if count != 1:
         raise SystemExit(
             f"The mutation “{one.name}” must name a text that occurs once in {one.file}, but "
@@ -82,31 +83,30 @@ def require_once(one: Mutation) -> None:
         )
 
 
-def require_passing(tests: Iterable[str]) -> None:
+def require_passing(tests: Iterable[str], folder: Path) -> None:
     """Refuse tests that fail without any mutation."""
-    digests = {test: digest(None, [test]) for test in tests}
+    digests = {test: digest(folder, [test]) for test in tests}
     new = [test for test, own in digests.items() if kept().get(test, {}).get("digest") != own]
     if not new:
         return
     print(f"{len(new)} tests without a mutation … ", end="", flush=True)
     began = time.monotonic()
-    with copied(None) as folder:
-        found = run(folder, new, len(new) * LONGEST)
+    found = run(folder, new, len(new) * LONGEST)
     if found.code != 0:
         raise SystemExit(f"{found.failed or found.printed}\nThey must pass, but {ending(found)}.")
     print(f"passed in {time.monotonic() - began:.0f} s", flush=True)
     keep({test: {"digest": digests[test], "result": "passed"} for test in new})
 
 
-def tried(one: Mutation, number: str) -> str:
+def tried(one: Mutation, number: str, folder: Path) -> str:
     """Whether a mutation is killed, from what is kept or by running its tests."""
-    own, known = digest(one, one.tests), kept().get(one.name, {})
     print(f"{number}: {one.name} … ", end="", flush=True)
-    if known.get("digest") == own:
-        print(f"{known['result']}, as before", flush=True)
-        return known["result"]
-    began = time.monotonic()
-    with copied(one) as folder:
+    with mutated(folder, one):
+        own, known = digest(folder, one.tests), kept().get(one.name, {})
+        if known.get("digest") == own:
+            print(f"{known['result']}, as before", flush=True)
+            return known["result"]
+        began = time.monotonic()
         found = run(folder, one.tests, LONGEST)
     seconds = round(time.monotonic() - began)
     if found.code == 1 and found.failed:
@@ -124,12 +124,16 @@ def tried(one: Mutation, number: str) -> str:
 def run(folder: Path, tests: Sequence[str], seconds: float) -> Run:
     """Some tests in a copy, up to the first that fails."""
     report = folder / "report.xml"
-    path = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
+    report.unlink(missing_ok=True)
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH")))),
+        "PYTHONDONTWRITEBYTECODE": "",  # what one run compiles the next one reads
+    }
     try:
         done = subprocess.run(
             [sys.executable, "-c", _RUN, "-x", "-q", f"--junitxml={report}", *tests],
             cwd=folder,
-            env=os.environ | {"PYTHONPATH": path},
+            env=environment,
             timeout=seconds,
             capture_output=True,
             text=True,
@@ -162,31 +166,38 @@ def ending(found: Run) -> str:
 
 
 @contextmanager
-def copied(one: Mutation | None):
-    """A folder with the package, mutated or not, and with all that its tests need."""
+def copied() -> Iterator[Path]:
+    """A folder with the package and all that its tests need."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
         for part in ("jaxid", "experiments", "tests"):
-            shutil.copytree(ROOT / part, folder / part)  # with what Python has compiled: faster
-        shutil.copy(ROOT / "pyproject.toml", folder)
+            shutil.copytree(ROOT / part, folder / part)
+        shutil.copy2(ROOT / "pyproject.toml", folder)
         (folder / "figures").symlink_to(ROOT / "figures")
-        if one is not None:
-            path = folder / "jaxid" / one.file
-            path.write_text(path.read_text().replace(one.source, one.replacement))
         yield folder
 
 
-def digest(one: Mutation | None, tests: Sequence[str]) -> str:
-    """Of the package, mutated or not, and of what these tests are made of."""
-    files = sorted((ROOT / "jaxid").rglob("*.py")) + sorted(
-        (ROOT / "experiments/axes").glob("*.py")
-    )
-    helpers = [x for x in sorted((ROOT / "tests").glob("*.py")) if not x.name.startswith("test_")]
+@contextmanager
+def mutated(folder: Path, one: Mutation) -> Iterator[None]:
+    """The folder with one mutation, and then as it was."""
+    path = folder / "jaxid" / one.file
+    text, state = path.read_text(), path.stat()
+    path.write_text(text.replace(one.source, one.replacement))
+    yield
+    path.write_text(text)
+    # Python takes a file of another time for another one, and compiles it anew
+    os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
+
+
+def digest(folder: Path, tests: Sequence[str]) -> str:
+    """Of the package in a folder, and of what these tests are made of."""
+    files = [*(folder / "jaxid").rglob("*.py"), *(folder / "experiments" / "axes").glob("*.py")]
+    helpers = [x for x in (folder / "tests").glob("*.py") if not x.name.startswith("test_")]
     files += [x for x in helpers if x.name not in OWN]
-    files += sorted({ROOT / test.partition("::")[0] for test in tests})
-    found = hashlib.sha256(repr((one, tuple(tests))).encode())
-    for file in files:
-        found.update(f"{file.relative_to(ROOT)}\n".encode() + file.read_bytes())
+    files += [folder / test.partition("::")[0] for test in tests]
+    found = hashlib.sha256(repr(tuple(tests)).encode())
+    for file in sorted(set(files)):
+        found.update(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
     return found.hexdigest()[:16]
 
 

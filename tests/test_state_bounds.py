@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jaxid.identification.state_bounds import (
+    _around_samples,
     _between,
     _from_windows,
     _swept,
@@ -137,12 +138,19 @@ def test_brackets_of_short_logs_hold_for_the_worst_readings(n):
 
 
 def test_no_axis_is_faster_than_the_top_speed():
-    """Of one tick: the worst readings, and the largest acceleration all the while."""
-    for resolution, push in ((1e-3, 0.0), (1e-6, 20.0)):
-        log = Log(jnp.array([push]), jnp.zeros(2), H, resolution)
+    """Of one tick: the worst readings, which jitter brings closer, and the largest acceleration."""
+    for resolution, push, jitter in ((1e-3, 0.0, 0.0), (1e-6, 20.0, 0.0), (5e-3, 0.0, 0.1 * H)):
+        log = Log(jnp.array([push]), jnp.zeros(2), H, resolution, jitter)
         top = float(_top_speed(PUSHED, log, jnp.zeros(1)))
         a = push + 1.0 + 0.5
-        assert resolution / H + H / 2 * a <= top
+        between = H - 2 * jitter
+        assert resolution / between + between / 2 * a <= top
+
+
+def test_a_reading_may_lie_in_the_tick_before_or_after():
+    """And those at both ends in one of which nothing is known."""
+    found = _around_samples(jnp.array([1.0, 3.0, 2.0]), jnp.asarray(9.0))
+    np.testing.assert_array_equal(found, [9.0, 3.0, 3.0, 9.0])
 
 
 def test_a_reading_is_off_by_half_a_count_and_what_jitter_adds():
