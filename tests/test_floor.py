@@ -39,20 +39,40 @@ def test_the_motors_floor(proofs):
     np.testing.assert_allclose(proofs[motor].value, [0.003375, 0.1584, 0.1669, 0.1500], rtol=1e-3)
 
 
-def test_its_proof_holds_on_a_dense_random_set_of_states(found, key):
-    axis, proved = found
-    limits, system = axis.limits(), axis.system()
+def random_states(axis, key):
+    """Many of them, a good part near rest, and where the conditions are tightest."""
+    limits = axis.limits()
     ends = jnp.stack([limits.position, limits.velocity, limits.acceleration])
     share = jax.random.uniform(key, (3, 200_000))
     y, v, a = ends[:, :1] + share * (ends[:, 1:] - ends[:, :1])
     near_rest = jnp.geomspace(1e-8, 1.0, 100_000) * ends[1, 1]
     v = v.at[:100_000].set(near_rest)
-    a = a.at[::4].set(ends[2, 0]).at[1::4].set(ends[2, 1])  # where the conditions are tightest
+    return y, v, a.at[::4].set(ends[2, 0]).at[1::4].set(ends[2, 1])
+
+
+def assert_proved(axis, dual, key):
+    """Every ν is in the box, and no state of an axis tells it from zero."""
+    y, v, a = random_states(axis, key)
+    system = axis.system()
     phi = np.stack(system.regressors(y, v, a), axis=1)
     delta = np.asarray(system.disturbance_bound(y, v))
-    assert np.all(np.abs(phi @ np.asarray(proved.dual).T) <= delta[:, None])
-    assert np.all(np.abs(proved.dual) <= np.asarray(system.half_widths))
+    assert np.all(np.abs(phi @ np.asarray(dual).T) <= delta[:, None])
+    assert np.all(np.abs(dual) <= np.asarray(system.half_widths))
+
+
+def test_its_proof_holds_on_a_dense_random_set_of_states(found, key):
+    axis, proved = found
+    assert_proved(axis, proved.dual, key)
     np.testing.assert_allclose(np.diag(proved.dual), proved.value, rtol=1e-8)
+
+
+def test_the_proof_for_combinations_holds_on_such_a_set_too(key):
+    """In which acceleration and friction hide each other."""
+    half_widths = motor.system().half_widths
+    mixed = jax.random.normal(key, (4, 4)) / half_widths
+    proved = lower_bound(motor.system(), motor.limits(), Norm(mixed))
+    assert_proved(motor, proved.dual, key)
+    np.testing.assert_allclose(jnp.sum(mixed * proved.dual, axis=1), proved.value, rtol=1e-8)
 
 
 def test_a_grid_of_another_make_is_above_it_by_little(proofs):
