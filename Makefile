@@ -58,7 +58,7 @@ test: $(READY)  ## every promise
 long: $(READY)  ## a log of 200 MB, read in little memory; six minutes
 	JAXID_LONG_LOG=200 $(BIN)/python -m pytest tests/test_long_log.py
 
-mutants: $(READY)  ## a test fails when a term of a bound is halved or left out; half an hour, goes on where it stopped
+mutants: $(READY)  ## a test fails when a term of a bound is halved or left out; 20 minutes, goes on where it stopped
 	$(BIN)/python tests/mutants.py
 
 # an environment of its own with the oldest of everything, a command, and tests that touch all of it

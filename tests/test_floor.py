@@ -69,7 +69,7 @@ def test_its_proof_holds_on_a_dense_random_set_of_states(found, key):
 def test_the_proof_for_combinations_holds_on_such_a_set_too(key):
     """In which acceleration and friction hide each other."""
     half_widths = motor.system().half_widths
-    mixed = jax.random.normal(key, (4, 4)) / half_widths
+    mixed = jax.random.normal(key, (4, 4)) / half_widths[None]
     proved = lower_bound(motor.system(), motor.limits(), Norm(mixed))
     assert_proved(motor, proved.dual, key)
     np.testing.assert_allclose(jnp.sum(mixed * proved.dual, axis=1), proved.value, rtol=1e-8)

@@ -103,7 +103,8 @@ def test_no_loop_by_hand_leaves_the_tube_and_the_worst_ones_fill_it(source):
         for values, tube in zip(reached, (position, velocity, input), strict=True):
             lower, upper = (np.asarray(end)[:, None, None] for end in tube)
             assert np.all((lower <= values) & (values <= upper))
-            away = np.abs(values - (upper + lower) / 2) / ((upper - lower) / 2)
+            half = np.maximum((upper - lower) / 2, 1e-300)
+            away = np.abs(values - (upper + lower) / 2) / half
             filled.append(np.max(away, axis=(1, 2)))
     most = np.max(np.reshape(filled, (-1, 3, TICKS)), axis=0)
     assert source in ("nothing", "rounding") or np.all(np.max(most, axis=1) > 0.85), most
