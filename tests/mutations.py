@@ -615,7 +615,7 @@ OF_THE_FLOOR = (
         FLOOR,
         "start=nu[0] * acceleration",
         "start=nu[0] / 2 * acceleration",
-        PROOF,
+        ("tests/test_floor.py::test_the_floor_of_a_mass_is_what_the_smallest_delta_hides",),
     ),
     Mutation(
         "the forces of a state left out of the floor",

@@ -11,8 +11,11 @@ from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.io.files import read_trajectory
 from jaxid.loop.record import rows_of
+from jaxid.model.disturbance_bound import SpeedBand
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Custom, Viscous
+from jaxid.model.system import System, Term
+from jaxid.motion.limits import Limits
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.minimax import minimax
 from jaxid.regression.worst_case import Norm
@@ -119,6 +122,15 @@ def test_the_floor_of_a_combination_is_no_more_than_that_of_its_parts(found):
     c[1:3] = 1.0, -0.5
     both = lower_bound(axis.system(), axis.limits(), Norm(jnp.asarray(c)[None]))
     assert float(both.value[0]) <= float(proved.above[1] + 0.5 * proved.above[2])
+
+
+def test_the_floor_of_a_mass_is_what_the_smallest_delta_hides():
+    """Of the largest acceleration, at speeds that a coarse grid passes over."""
+    system = System((Term("m", "kg", (5.0, 9.0)),), SpeedBand(0.2, 0.3, 0.05))
+    still = (-1.0, 1.0)
+    limits = Limits(still, (-1.0, 1.5), (-8.0, 10.0), still, still)
+    value = float(lower_bound(system, limits).value[0])
+    assert 0.02 * (1 - 1e-3) <= value <= 0.02
 
 
 class Unknown(Viscous):
