@@ -68,7 +68,7 @@ def signs(count):
 
 CORNERS = LOWER[:, None] + (UPPER - LOWER)[:, None] * (signs(2) + 1) / 2
 INSIDE = np.array([[1.1], [0.4]])
-NONE, COUNT, LEVEL = 1e-9, 2e-4, 0.5
+NONE, COUNT, LEVEL = 1e-15, 2e-4, 0.5
 # the cell of θ, the estimates θ̂, δ and the counts of the encoder: None for an exact sensor, and
 # how far away: there a difference of positions loses digits
 SOURCES = {
