@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.axes import linear_motor as motor
@@ -156,10 +156,11 @@ def test_single_precision_is_refused(key):
         optimal_motion(TASK, LeastSquaresError(system, "M"), key)
 
 
-@given(st.sampled_from([-0.1, 0.1]), st.floats(-2.0, 2.0), st.floats(1e-3, 0.05))
+@pytest.mark.parametrize("threshold", [-0.1, 0.1])
+@pytest.mark.parametrize("share", [-1.5, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.5])
+@given(st.floats(1e-3, 0.05))
 def test_a_cautious_bound_is_the_largest_within_reach(threshold, share, reach):
     """Of a grid of velocities, the threshold's two sides among them."""
-    assume(abs(abs(share) - 1) > 1e-6)  # where rounding decides
     velocity, bound = threshold + share * reach, SpeedBand(0.25, 0.15, 0.1)
     near = np.append(velocity + np.linspace(-reach, reach, 101), [-0.1, 0.1])
     near = near[np.abs(near - velocity) <= reach]
