@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test long oldest check clean
+.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test long mutants oldest check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.paper
@@ -57,6 +57,9 @@ test: $(READY)  ## every promise
 
 long: $(READY)  ## a log of 200 MB, read in little memory; six minutes
 	JAXID_LONG_LOG=200 $(BIN)/python -m pytest tests/test_long_log.py
+
+mutants: $(READY)  ## a test fails when a term of a bound is halved or left out; 20 minutes, goes on where it stopped
+	$(BIN)/python tests/mutants.py
 
 # an environment of its own with the oldest of everything, a command, and tests that touch all of it
 OLDEST := .venv-oldest

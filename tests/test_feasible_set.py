@@ -11,7 +11,7 @@ from adversaries import exact_rows
 from scipy.optimize import OptimizeResult, linprog
 
 from experiments.axes import linear_motor as motor
-from jaxid.identification.falsification import MOST, smallest_factor
+from jaxid.identification.falsification import LEAST, MOST, smallest_factor
 from jaxid.identification.feasible_parameter_set import feasible_set, projection
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.regression_rows import guaranteed_estimate, hats
@@ -120,6 +120,30 @@ def test_data_that_contradict_delta_are_found_out(key):
     assert smallest_factor(lambda s: exact_rows(SYSTEM, times(enough, s))) <= 1.0
     broken = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(1e6))
     assert smallest_factor(lambda s: exact_rows(SYSTEM, times(broken, s))) == MOST
+
+
+def test_a_factor_beside_errors_that_it_does_not_multiply_is_no_larger_than_proved(key):
+    """As δ of a row beside what its brackets add: the least factor by a linear program."""
+    delta, added = np.linspace(0.5, 1.5, 20), np.linspace(15.0, 5.0, 20)
+    for one in jax.random.split(key, 5):
+        _, record, _ = data_set(one)
+        wrong = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(100.0))
+        phi, u = np.asarray(record.rows.regressors), np.asarray(wrong.input)
+
+        def rows(s, wrong=wrong):
+            widened = eqx.tree_at(lambda r: r.rows.delta, wrong, s * delta + added)
+            return exact_rows(SYSTEM, widened)
+
+        solution = linprog(
+            [0.0, 0.0, 0.0, 0.0, 1.0],
+            A_ub=np.block([[phi, -delta[:, None]], [-phi, -delta[:, None]]]),
+            b_ub=np.concatenate([added + u, added - u]),
+            bounds=[*np.stack([SYSTEM.lower, SYSTEM.upper], axis=1), (0, None)],
+            method="highs",
+        )
+        factor = smallest_factor(rows)
+        assert LEAST < factor < MOST
+        assert solution.fun / 1.0011 <= factor <= solution.fun * (1 + 1e-7)
 
 
 def times(record, factor):

@@ -11,8 +11,11 @@ from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
 from jaxid.io.files import read_trajectory
 from jaxid.loop.record import rows_of
+from jaxid.model.disturbance_bound import SpeedBand
 from jaxid.model.interval_arithmetic import Range
 from jaxid.model.regressors import Custom, Viscous
+from jaxid.model.system import System, Term
+from jaxid.motion.limits import Limits
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.regression.minimax import minimax
 from jaxid.regression.worst_case import Norm
@@ -39,19 +42,40 @@ def test_the_motors_floor(proofs):
     np.testing.assert_allclose(proofs[motor].value, [0.003375, 0.1584, 0.1669, 0.1500], rtol=1e-3)
 
 
-def test_its_proof_holds_on_a_dense_random_set_of_states(found, key):
-    axis, proved = found
-    limits, system = axis.limits(), axis.system()
+def random_states(axis, key):
+    """Many of them, a good part near rest, and where the conditions are tightest."""
+    limits = axis.limits()
     ends = jnp.stack([limits.position, limits.velocity, limits.acceleration])
     share = jax.random.uniform(key, (3, 200_000))
     y, v, a = ends[:, :1] + share * (ends[:, 1:] - ends[:, :1])
     near_rest = jnp.geomspace(1e-8, 1.0, 100_000) * ends[1, 1]
     v = v.at[:100_000].set(near_rest)
+    return y, v, a.at[::4].set(ends[2, 0]).at[1::4].set(ends[2, 1])
+
+
+def assert_proved(axis, dual, key):
+    """Every ν is in the box, and no state of an axis tells it from zero."""
+    y, v, a = random_states(axis, key)
+    system = axis.system()
     phi = np.stack(system.regressors(y, v, a), axis=1)
     delta = np.asarray(system.disturbance_bound(y, v))
-    assert np.all(np.abs(phi @ np.asarray(proved.dual).T) <= delta[:, None])
-    assert np.all(np.abs(proved.dual) <= np.asarray(system.half_widths))
+    assert np.all(np.abs(phi @ np.asarray(dual).T) <= delta[:, None])
+    assert np.all(np.abs(dual) <= np.asarray(system.half_widths))
+
+
+def test_its_proof_holds_on_a_dense_random_set_of_states(found, key):
+    axis, proved = found
+    assert_proved(axis, proved.dual, key)
     np.testing.assert_allclose(np.diag(proved.dual), proved.value, rtol=1e-8)
+
+
+def test_the_proof_for_combinations_holds_on_such_a_set_too(key):
+    """In which acceleration and friction hide each other."""
+    half_widths = motor.system().half_widths
+    mixed = jax.random.normal(key, (4, 4)) / half_widths[None]
+    proved = lower_bound(motor.system(), motor.limits(), Norm(mixed))
+    assert_proved(motor, proved.dual, key)
+    np.testing.assert_allclose(jnp.sum(mixed * proved.dual, axis=1), proved.value, rtol=1e-8)
 
 
 def test_a_grid_of_another_make_is_above_it_by_little(proofs):
@@ -87,7 +111,9 @@ def test_no_design_of_the_study_is_below_it(proofs, figures, name):
 
 def test_where_the_prior_is_better_than_any_experiment_it_is_the_floor():
     system = eqx.tree_at(lambda s: s.terms[1].interval, motor.system(), jnp.array([0.2, 0.21]))
-    assert float(lower_bound(system, motor.limits()).value[1]) == pytest.approx(0.005, rel=1e-8)
+    found = float(lower_bound(system, motor.limits()).value[1])
+    assert found == pytest.approx(0.005, rel=1e-8)
+    assert found < float(system.half_widths[1])  # by what rounding may have added
 
 
 def test_the_floor_of_a_combination_is_no_more_than_that_of_its_parts(found):
@@ -96,6 +122,15 @@ def test_the_floor_of_a_combination_is_no_more_than_that_of_its_parts(found):
     c[1:3] = 1.0, -0.5
     both = lower_bound(axis.system(), axis.limits(), Norm(jnp.asarray(c)[None]))
     assert float(both.value[0]) <= float(proved.above[1] + 0.5 * proved.above[2])
+
+
+def test_the_floor_of_a_mass_is_what_the_smallest_delta_hides():
+    """Of the largest acceleration, at speeds that a coarse grid passes over."""
+    system = System((Term("m", "kg", (5.0, 9.0)),), SpeedBand(0.2, 0.3, 0.05))
+    still = (-1.0, 1.0)
+    limits = Limits(still, (-1.0, 1.5), (-8.0, 10.0), still, still)
+    value = float(lower_bound(system, limits).value[0])
+    assert 0.02 * (1 - 1e-3) <= value <= 0.02
 
 
 class Unknown(Viscous):

@@ -52,6 +52,12 @@ def loose_box(rng):
     return phi, delta, 1e4 * half_widths
 
 
+def tight_box(rng):
+    """In which no data tell more than the box."""
+    phi, delta, half_widths = ordinary(rng)
+    return phi, delta, 1e-4 * half_widths
+
+
 def fewer_rows_than_parameters(rng):
     """Two; the others hold nothing."""
     phi, delta, half_widths = ordinary(rng)
@@ -166,22 +172,25 @@ def test_a_batch_of_motions_is_what_each_of_them_is(motor_problems):
 
 
 def test_exact_arithmetic_confirms_both_values():
-    """Rationals have no rounding: the weights are no worse and ν no less feasible than reported."""
+    """Rationals have no rounding: the weights are no worse and ν no less feasible than reported.
+
+    Of each parameter, and of three of their combinations.
+    """
     rng = np.random.default_rng(5)
-    for problem in (ordinary, nearly_collinear, loose_box):
+    for problem in (ordinary, nearly_collinear, loose_box, tight_box):
         phi, delta, half_widths = problem(rng)
-        result = minimax(rows_from(phi, delta), jnp.asarray(half_widths))
+        functionals = np.vstack([np.eye(3), rng.normal(size=(3, 3)) / half_widths])
+        norm = Norm(jnp.asarray(functionals))
+        result = minimax(rows_from(phi, delta), jnp.asarray(half_widths), norm)
         phi, delta, half_widths = (as_fractions(x) for x in (phi, delta, half_widths))
-        for i, (g, nu) in enumerate(
-            zip(as_fractions(result.weights), as_fractions(result.dual), strict=True)
+        for i, (c, g, nu) in enumerate(
+            zip(*map(as_fractions, (functionals, result.weights, result.dual)), strict=True)
         ):
-            rest = -(phi.T @ g)
-            rest[i] += 1
-            exact = np.abs(g) @ delta + np.abs(rest) @ half_widths
+            exact = np.abs(g) @ delta + np.abs(c - phi.T @ g) @ half_widths
             assert exact <= Fraction(float(result.error[i]))
             assert np.all(np.abs(phi @ nu) <= delta)
             assert np.all(np.abs(nu) <= half_widths)
-            assert nu[i] >= Fraction(float(result.floor[i]))
+            assert c @ nu >= Fraction(float(result.floor[i]))
 
 
 def as_fractions(values) -> np.ndarray:

@@ -156,10 +156,12 @@ def test_single_precision_is_refused(key):
         optimal_motion(TASK, LeastSquaresError(system, "M"), key)
 
 
-@given(st.floats(-0.3, 0.3), st.floats(0.0, 0.05))
-def test_a_cautious_bound_is_the_largest_within_reach(velocity, reach):
+@pytest.mark.parametrize("threshold", [-0.1, 0.1])
+@pytest.mark.parametrize("share", [-1.5, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.5])
+@given(st.floats(1e-3, 0.05))
+def test_a_cautious_bound_is_the_largest_within_reach(threshold, share, reach):
     """Of a grid of velocities, the threshold's two sides among them."""
-    bound = SpeedBand(0.25, 0.15, 0.1)
+    velocity, bound = threshold + share * reach, SpeedBand(0.25, 0.15, 0.1)
     near = np.append(velocity + np.linspace(-reach, reach, 101), [-0.1, 0.1])
     near = near[np.abs(near - velocity) <= reach]
     expected = np.max(bound(jnp.zeros_like(near), jnp.asarray(near)))

@@ -178,7 +178,7 @@ def _refinements(problem: Problem, start: JerkTrajectory, effort: Effort) -> Ite
     """
     found = improve(problem, start, effort)
     yield found
-    for _ in range(_REPEATS):
+    for _ in range(0 if effort is _TOY_EFFORT else _REPEATS):
         before, found = found, improve(problem, found.trajectory, effort)
         yield found
         if before.value - found.value < _SETTLED:
