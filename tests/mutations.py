@@ -48,7 +48,7 @@ ACCELERATION, VIOLATION = "motion/acceleration_limit.py", "motion/violation.py"
 RANGES, REGRESSORS = "model/interval_arithmetic.py", "model/regressors.py"
 DELTA = "model/disturbance_bound.py"
 THEOREM_2 = (
-    "tests/test_bound.py::test_theorem_2_the_adversary_attains_the_bound_and_no_other_sign_does",
+    "tests/test_worst_case.py::test_theorem_2_the_adversary_attains_the_bound_and_no_other_sign_does",
 )
 MINIMAX_REACHED = (
     "tests/test_minimax.py::test_the_worst_case_is_attained_and_no_other_exceeds_it",
@@ -59,31 +59,31 @@ FILTERED = (
     "tests/test_estimators.py::test_the_exact_error_of_filtered_data_is_below_that_of_the_paper",
 )
 PROOF = (
-    "tests/test_floor.py::test_its_proof_holds_on_a_dense_random_set_of_states",
-    "tests/test_floor.py::test_the_proof_for_combinations_holds_on_such_a_set_too",
+    "tests/test_lower_bound.py::test_its_proof_holds_on_a_dense_random_set_of_states",
+    "tests/test_lower_bound.py::test_the_proof_for_combinations_holds_on_such_a_set_too",
 )
 CONTRADICTION = (
-    "tests/test_feasible_set.py::test_data_that_contradict_delta_are_found_out",
-    "tests/test_feasible_set.py::"
+    "tests/test_feasible_parameter_set.py::test_data_that_contradict_delta_are_found_out",
+    "tests/test_feasible_parameter_set.py::"
     "test_a_factor_beside_errors_that_it_does_not_multiply_is_no_larger_than_proved",
 )
-ROBUST = ("tests/test_control.py::test_the_robust_term_meets_26_at_every_point_and_no_more",)
+ROBUST = ("tests/test_controllers.py::test_the_robust_term_meets_26_at_every_point_and_no_more",)
 PROJECTION = (
-    "tests/test_control.py::"
+    "tests/test_controllers.py::"
     "test_projection_keeps_the_box_and_never_takes_the_estimate_away_from_the_truth",
 )
 LOOPS = (OF_TICKS + "test_no_loop_by_hand_leaves_the_tube_and_the_worst_ones_fill_it",)
 WITHIN = (OF_TICKS + "test_what_changes_within_a_tick_is_counted",)
 EXTREMA = ("tests/test_trajectory.py::test_extrema_bound_a_dense_sampling_and_are_attained",)
 READINGS_OF_18 = "tests/test_system.py::test_both_readings_of_18"
-DEMAND = ("tests/test_refine.py::test_demand_is_the_worst_corner",)
+DEMAND = ("tests/test_local.py::test_demand_is_the_worst_corner",)
 BEYOND = tuple(
     f"tests/test_violation.py::test_of_{which}_on_either_side"
     for which in ("each_limit", "via_points", "an_axis")
 )
 ARITHMETIC = ("tests/test_interval_arithmetic.py::test_arithmetic_is_exact_for_independent_values",)
 FORCES = ("tests/test_interval_arithmetic.py::test_ranges_of_regressors_and_bounds",)
-OWN = ("tests/test_floor.py::test_ranges_and_magnitude_of_a_users_own_function",)
+OWN = ("tests/test_lower_bound.py::test_ranges_and_magnitude_of_a_users_own_function",)
 
 OF_A_LOG = (
     Mutation(
@@ -615,7 +615,7 @@ OF_THE_FLOOR = (
         FLOOR,
         "start=nu[0] * acceleration",
         "start=nu[0] / 2 * acceleration",
-        ("tests/test_floor.py::test_the_floor_of_a_mass_is_what_the_smallest_delta_hides",),
+        ("tests/test_lower_bound.py::test_the_floor_of_a_mass_is_what_the_smallest_delta_hides",),
     ),
     Mutation(
         "the forces of a state left out of the floor",
@@ -637,7 +637,7 @@ OF_THE_FLOOR = (
         "return value * (1 - _ROUNDED), above, best",
         "return value, above, best",
         (
-            "tests/test_floor.py::"
+            "tests/test_lower_bound.py::"
             "test_where_the_prior_is_better_than_any_experiment_it_is_the_floor",
         ),
     ),
@@ -980,7 +980,7 @@ OF_MOTIONS = (
         ACCELERATION,
         "up, down = needs, needs",
         "up, down = 0 * needs, 0 * needs",
-        ("tests/test_refine.py::test_the_reach_of_the_motor_is_that_of_its_docstring",),
+        ("tests/test_local.py::test_the_reach_of_the_motor_is_that_of_its_docstring",),
     ),
     Mutation(
         "δ of the input that a motion asks for halved",
@@ -1129,14 +1129,14 @@ OF_CLOCKS = (
         "io/segments.py",
         "float(np.ptp(rest) / 2)",
         "float(np.ptp(rest) / 4)",
-        ("tests/test_steady.py::test_every_piece_is_steady",),
+        ("tests/test_segments.py::test_every_piece_is_steady",),
     ),
     Mutation(
         "what coarse stamps may hide left out",
         "io/segments.py",
         "return period, missed + spacing / 2",
         "return period, missed",
-        ("tests/test_steady.py::test_what_coarse_stamps_may_hide_counts_as_jitter",),
+        ("tests/test_segments.py::test_what_coarse_stamps_may_hide_counts_as_jitter",),
     ),
 )
 
