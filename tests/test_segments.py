@@ -21,21 +21,22 @@ def check(log, pieces, time, delay=0):
     """Everything that a piece promises, from the rows of the file."""
     for piece in pieces:
         one, first, last = piece.log, piece.first, piece.last
-        n = int(one.took_place().sum())
-        skipped = first + delay + (one.jitter > 0)
+        n, jitter = one.samples, float(one.jitter)
+        position, input = np.asarray(one.position), np.asarray(one.input)
+        skipped = first + delay + (jitter > 0)
         assert n == last - skipped
         ticks = skipped + np.arange(n)
-        assert np.array_equal(one.position[: n + 1], log.position[skipped : last + 1])
-        assert np.array_equal(one.input[:n], log.input[ticks - delay])
-        if one.jitter > 0:
+        assert np.array_equal(position[: n + 1], log.position[skipped : last + 1])
+        assert np.array_equal(input[:n], log.input[ticks - delay])
+        if jitter > 0:
             ends = [log.input[skipped - 1 - delay], log.input[last - delay]]
             assert np.array_equal(one.outer, ends)
         stamps = time[first : last + 1]
         steps = np.arange(len(stamps)) * float(one.period)
         missed = stamps - steps
         # equal steps that miss none by more than the jitter: the middle of what they miss
-        assert np.ptp(missed) / 2 <= float(one.jitter) + 1e-12
-        assert float(one.jitter) <= 0.1 * float(one.period)
+        assert np.ptp(missed) / 2 <= jitter + 1e-12
+        assert jitter <= 0.1 * float(one.period)
     rows = [k for piece in pieces for k in range(piece.first, piece.last + 1)]
     assert len(rows) == len(set(rows)) == rows_used(pieces)
 

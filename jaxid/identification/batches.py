@@ -65,7 +65,7 @@ def knots_by_length(knots: int, logs: Sequence[Log]) -> tuple[int, ...]:
         knots: number of weights of all logs together.
         logs: logs of one axis.
     """
-    lengths = [_samples(log) for log in logs]
+    lengths = [log.samples for log in logs]
     return tuple(max(knots * own // sum(lengths), 2) for own in lengths)
 
 
@@ -76,7 +76,7 @@ def samples_per_weight(knots: int, logs: Sequence[Log]) -> float:
         knots: number of weights of all logs together.
         logs: logs of one axis.
     """
-    return sum(map(_samples, logs)) / sum(knots_by_length(knots, logs))
+    return sum(log.samples for log in logs) / sum(knots_by_length(knots, logs))
 
 
 def most_informative(
@@ -123,15 +123,10 @@ def _parts(log: Log, most: int) -> Iterator[Log]:
     if log.input.size <= most:
         yield log
         return
-    length = _samples(log)  # the padding of a longer log is left out
+    length = log.samples  # the padding of a longer log is left out
     edges = np.linspace(0, length, -(-length // most) + 1).round().astype(int).tolist()
     for first, stop in pairwise(edges):
         yield log.part(first, stop)
-
-
-def _samples(log: Log) -> int:
-    """Return the number of samples of a log without its padding."""
-    return int(log.took_place().sum())
 
 
 def _length(logs: Sequence[Log]) -> int:

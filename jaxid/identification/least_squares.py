@@ -52,7 +52,7 @@ def fit_least_squares(system: System, logs: Sequence[Log], means: int = 2000) ->
     Raises:
         ValueError: if there are too few rows, or some parameters are not separately identifiable.
     """
-    counts = [int(log.took_place().sum()) for log in logs]
+    counts = [log.samples for log in logs]
     width = max(min(sum(counts) // means, int(np.median(counts)) // _PIECES), _LEAST)
     parts = [_means(system, log, n, width) for log, n in zip(logs, counts, strict=True)]
     phi, u, time, position, velocity = (np.concatenate(x) for x in zip(*parts, strict=True))

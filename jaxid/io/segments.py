@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -144,11 +143,12 @@ def _piece(
 ) -> Segment:
     first, stop = part
     period, jitter = _clock(time[first:stop])
-    position = jnp.asarray(recorded.position[first + delay : stop])
-    acting = jnp.asarray(recorded.input[first : stop - delay])  # one more than sample periods
+    # NumPy: JAX would compile each operation for each length
+    position = recorded.position[first + delay : stop]
+    acting = recorded.input[first : stop - delay]  # one more than sample periods
     if jitter == 0:
         return Segment(first, stop - 1, Log(acting[:-1], position, period, resolution))
-    outer = jnp.stack([acting[0], acting[-1]])  # the first period may hold an unknown input
+    outer = acting[[0, -1]]  # the first period may hold an unknown input
     log = Log(acting[1:-1], position[1:], period, resolution, jitter, outer)
     return Segment(first, stop - 1, log)
 

@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxid._checks import (
@@ -58,7 +59,9 @@ class Log(eqx.Module):
     jitter: Scalar = eqx.field(converter=as_array("jitter"), default=0.0)
     outer: Float[Array, "2"] | None = eqx.field(converter=or_none(as_array("outer")), default=None)
     # number of samples before the padding, None for no padding: see `filled`
-    _count: Int[Array, ""] | None = None
+    _count: Int[Array, ""] | None = eqx.field(
+        converter=lambda count: None if count is None else jnp.asarray(count), default=None
+    )
 
     def __check_init__(self) -> None:
         require_positive("period", "a log", self.period)
@@ -81,19 +84,26 @@ class Log(eqx.Module):
 
     def part(self, first: int, stop: int) -> "Log":
         """Return the samples from `first` up to `stop` (exclusive) as a log of their own."""
-        before, after = self._neighbours()
-        count = self._count
-        if count is not None:
-            count = jnp.clip(count - first, 0, stop - first)
+        # NumPy here and in `filled`: JAX would compile each operation for each length
+        input, *outer = self._as_numpy()
+        if first > 0:
+            outer[0] = input[first - 1]
+        if stop < input.size:
+            outer[1] = input[stop]
         return Log(
-            self.input[first:stop],
-            self.position[first : stop + 1],
+            input[first:stop],
+            np.asarray(self.position)[first : stop + 1],
             self.period,
             self.resolution,
             self.jitter,
-            jnp.stack([before[first], after[stop - 1]]),
-            count,
+            outer,
+            None if self._count is None else np.clip(self.samples - first, 0, stop - first),
         )
+
+    @property
+    def samples(self) -> int:
+        """The number of samples without padding."""
+        return self.input.size if self._count is None else int(self._count)
 
     def reading_error(self, speed: Motion) -> Motion:
         """Return an upper bound of |read − true position at the sample|, in m or rad.
@@ -132,6 +142,12 @@ class Log(eqx.Module):
         steps = jnp.abs(self.input - before) + jnp.abs(after - self.input)
         return self.jitter / self.period * steps
 
+    def _as_numpy(self) -> tuple[Float[np.ndarray, " n"], float, float]:
+        """Return all inputs, and those before the first and after the last sample."""
+        input = np.asarray(self.input)
+        ends = input[[0, -1]] if self.outer is None else np.asarray(self.outer)
+        return input, float(ends[0]), float(ends[1])
+
     def _neighbours(self) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
         u = self.input
         first, last = (u[:1], u[-1:]) if self.outer is None else (self.outer[:1], self.outer[1:])
@@ -145,16 +161,15 @@ def filled(log: Log, ticks: int) -> Log:
     another number for the padded one.
     """
     more = max(ticks - log.input.size, 0)
-    last = log.input[-1] if log.outer is None else log.outer[1]
-    outer = jnp.stack([log.input[0], last]) if log.outer is None else log.outer
+    input, before, after = log._as_numpy()
     return Log(
-        jnp.pad(log.input, (0, more), constant_values=last),
-        jnp.pad(log.position, (0, more), mode="edge"),
+        np.pad(input, (0, more), constant_values=after),
+        np.pad(np.asarray(log.position), (0, more), mode="edge"),
         log.period,
         log.resolution,
         log.jitter,
-        outer,
-        jnp.asarray(log.input.size) if log._count is None else log._count,
+        np.array([before, after]),
+        np.asarray(log.samples),
     )
 
 

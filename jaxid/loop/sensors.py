@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from jaxid._checks import require_at_least_zero
+from jaxid._checks import is_concrete, require_at_least_zero
 from jaxid._types import Scalar, as_array
 
 
@@ -86,7 +86,7 @@ class Encoder(Sensor):
     """An encoder: a quantised position, and a velocity by its backward difference.
 
     Its readings have no derivative. Differentiation through them raises an error; use
-    `IdealSensor`.
+    `IdealSensor`, and a `Servo` of resolution 0 if it records a log.
 
     Attributes:
         resolution: encoder resolution (one count), m or rad; zero for exact positions.
@@ -126,8 +126,10 @@ class Encoder(Sensor):
         """Return the multiple of the resolution nearest to each position; exact if that is zero.
 
         Raises:
-            ValueError: if it is differentiated.
+            ValueError: if it is differentiated, unless the resolution is known to be zero.
         """
+        if is_concrete(self.resolution) and float(self.resolution) == 0:
+            return position
         return _quantised(position, self.resolution)
 
 
@@ -144,8 +146,8 @@ def _without_slope(primals: tuple[Any, Any], tangents: tuple[Any, Any]) -> tuple
     if not all(isinstance(tangent, SymbolicZero) for tangent in tangents):
         raise ValueError(
             "The position that an `Encoder` reads goes in steps of one count and has no "
-            "derivative: use `IdealSensor` in what is differentiated, or stop the gradient of what "
-            "the encoder reads."
+            "derivative: use `IdealSensor` in what is differentiated, with a servo of resolution 0 "
+            "if it records a log, or stop the gradient of what the encoder reads."
         )
     found = _quantised(*primals)
     return found, jnp.zeros_like(found)
