@@ -68,7 +68,7 @@ oldest:  ## with the oldest versions that pyproject.toml allows: a few commands 
 	$(PYTHON) tests/oldest.py > $(OLDEST)/oldest.txt
 	$(OLDEST)/bin/python -m pip install --quiet --disable-pip-version-check -c $(OLDEST)/oldest.txt -e '.[test]'
 	rm -rf $(OLDEST)/slide.toml && $(OLDEST)/bin/jaxid init $(OLDEST)/slide.toml
-	$(OLDEST)/bin/python -m pytest $(addprefix tests/test_,axis_file.py axis_sweep.py docstrings.py log_file.py setpoints.py sweep.py)
+	$(OLDEST)/bin/python -m pytest -W ignore::DeprecationWarning $(addprefix tests/test_,axis_file.py axis_sweep.py docstrings.py log_file.py setpoints.py sweep.py)
 
 check: $(READY)  ## lint and types
 	$(BIN)/ruff check
