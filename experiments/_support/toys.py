@@ -4,11 +4,11 @@ from pathlib import Path
 
 
 class Toys:
-    """Of a program's options: a toy's files have names of their own.
+    """Options of a program that has a toy size, whose files have names of their own.
 
     Attributes:
         out: the folder of its files.
-        toy: whether hardly anything is computed.
+        toy: run a tiny version that only shows that the program works.
     """
 
     out: Path

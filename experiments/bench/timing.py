@@ -17,12 +17,12 @@ class Times(NamedTuple):
 
     @property
     def least(self) -> float:
-        """What it takes when nothing disturbs it."""
+        """The shortest measured time, s: the one that other processes disturbed least."""
         return min(self.seconds)
 
     @property
     def median(self) -> float:
-        """What it takes as a rule."""
+        """The median of the measured times, s."""
         return statistics.median(self.seconds)
 
 

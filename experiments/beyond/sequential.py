@@ -117,9 +117,10 @@ def main(options: Sequential) -> None:
 
 
 def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> Iterator[Round]:
-    """One after the other, on the same axis.
+    """Yield experiments on one axis, each designed with the box that those before it left.
 
-    What is proved rests on the first box only; later ones allow more and are what a law knows.
+    All guaranteed intervals assume the first box only. A later, smaller box permits higher
+    accelerations and is what the controller knows.
     """
     first = known = motor.system()
     done: list[Round] = []

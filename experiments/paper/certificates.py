@@ -41,7 +41,7 @@ class Proof(NamedTuple):
     """What the log of one experiment proves.
 
     Attributes:
-        assumptions: that all of it rests on.
+        assumptions: sentences that state what all of these intervals assume.
         guarantee: by the weights that were best before the data.
         left: all that the data leave possible.
         projections: of the same, by pair of parameters.

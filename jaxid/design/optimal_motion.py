@@ -93,7 +93,7 @@ class _Search(NamedTuple):
     show: Show
 
     def from_key(self, key: PRNGKeyArray, shorter: JerkTrajectory | None) -> Design:
-        """The best of many random starts."""
+        """Return the best motion that a search from many random starts finds."""
         criterion, coarse = self.criterion, self.near(self.deep)
         if isinstance(criterion, Criterion):
             coarse = criterion.coarse(self.task, self.deep)
@@ -109,7 +109,7 @@ class _Search(NamedTuple):
         )
 
     def predicted_from_key(self, criterion: PredictedError, key: PRNGKeyArray) -> Design:
-        """The best of several searches, each from the best motion for least squares."""
+        """Return the best of several searches, each from the best motion for least squares."""
         count, smoothings = self.effort.searches, self.effort.predicted_smoothings
         require(count >= 1, f"Argument `searches` of an effort must be 1 or more, but is {count}.")
         criterion.near(self.task, self.deep)  # raises if the servo cannot record a log
@@ -130,7 +130,7 @@ class _Search(NamedTuple):
         return self.design(better, tuple(value for value, _, _ in found))
 
     def from_motion(self, start: JerkTrajectory) -> Design:
-        """A given motion, improved."""
+        """Return a motion that is no worse than the given one and keeps all limits."""
         if not isinstance(self.criterion, PredictedError):
             return improve(self.problem(start), start, self.effort, self.report)
         given = restored(self.problem(self.deep), self.deep, start)

@@ -18,7 +18,7 @@ from matplotlib.patches import Rectangle
 from jaxid.io.files import UNITS, write_bytes
 from jaxid.motion.trajectory import JerkTrajectory
 
-# Okabe and Ito's palette: told apart by colour-blind readers too
+# Okabe and Ito's palette: colour-blind readers can distinguish all of its colours
 BLACK, ORANGE, SKY, GREEN, BLUE, RED = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00",
 )  # fmt: skip

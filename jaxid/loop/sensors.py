@@ -68,17 +68,17 @@ class IdealSensor(Sensor):
     """A sensor that measures position and velocity exactly."""
 
     def error(self) -> SensorError:
-        """Return errors of zero."""
+        """Return the bounds of the measurement errors, which are zero for this sensor."""
         return SensorError(jnp.zeros(()), differenced=False)
 
     def initial(self, position: Scalar) -> tuple[()]:
-        """Return the empty memory."""
+        """Return an empty tuple: this sensor remembers nothing from sample to sample."""
         return ()
 
     def read(
         self, memory: tuple[()], position: Scalar, velocity: Scalar, period: Scalar
     ) -> tuple[Measurement, tuple[()]]:
-        """Return the true position and velocity, and the empty memory."""
+        """Return the true position and velocity; the memory stays an empty tuple."""
         return Measurement(position, velocity), ()
 
 
