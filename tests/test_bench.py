@@ -17,37 +17,29 @@ from jaxid.io.files import read_table
 
 needs_compiler = pytest.mark.skipif(compiled.compiler() is None, reason="there is no C compiler")
 LANES = 3
-
-
-@pytest.fixture
-def short(monkeypatch):
-    """A motion of six intervals, 300 ticks."""
-    jerk = np.array([400.0, -400.0, -300.0, -100.0, 300.0, 100.0])
-    monkeypatch.setattr(closed_loop, "INTERVALS", 6)
-    monkeypatch.setattr(closed_loop, "TICKS", 300)
-    return jerk
+SHORT = np.array([400.0, -400.0, -300.0, -100.0, 300.0, 100.0])  # jerks, m/s³, over 300 ticks
 
 
 @needs_compiler
 @pytest.mark.parametrize("repeats", [1, 2])
-def test_the_loop_by_hand_and_its_adjoint_agree_with_jax(short, repeats):
+def test_the_loop_by_hand_and_its_adjoint_agree_with_jax(repeats):
     theta = np.asarray(closed_loop.nominal()) * 1.1
-    loop = compiled.Loop(repeats)
-    error, slope = loop.value_and_gradient(short, theta)()
+    loop = compiled.Loop(repeats, intervals=SHORT.size)
+    error, slope = loop.value_and_gradient(SHORT, theta)()
     expected = jax.value_and_grad(closed_loop.loop_error)(
-        jnp.asarray(short), jnp.asarray(theta), repeats
+        jnp.asarray(SHORT), jnp.asarray(theta), repeats
     )
     np.testing.assert_allclose(error, expected[0], rtol=1e-9)
-    np.testing.assert_allclose(loop.value(short, theta)(), [expected[0]], rtol=1e-9)
+    np.testing.assert_allclose(loop.value(SHORT, theta)(), [expected[0]], rtol=1e-9)
     np.testing.assert_allclose(slope, expected[1], atol=1e-9 * np.abs(expected[1]).max())
 
 
 @needs_compiler
 @pytest.mark.parametrize("flags", [(), compiled.FAST_MATH])
-def test_lanes_by_hand_agree_with_jax(short, flags):
+def test_lanes_by_hand_agree_with_jax(flags):
     share = np.linspace(0.9, 1.0, LANES + 1)[:, None]
-    jerk, theta = share * short, share * np.asarray(closed_loop.nominal())
-    found = compiled.Loop(1, LANES + 1, *flags).value(jerk.T, theta.T)()
+    jerk, theta = share * SHORT, share * np.asarray(closed_loop.nominal())
+    found = compiled.Loop(1, LANES + 1, *flags, intervals=SHORT.size).value(jerk.T, theta.T)()
     expected = jax.vmap(lambda j, t: closed_loop.loop_error(j, t, 1))(
         jnp.asarray(jerk), jnp.asarray(theta)
     )
@@ -57,13 +49,13 @@ def test_lanes_by_hand_agree_with_jax(short, flags):
 
 
 @needs_compiler
-def test_casadi_agrees_with_jax(short):
+def test_casadi_agrees_with_jax():
     pytest.importorskip("casadi")
     from experiments.bench import casadi_loop
 
     theta = np.asarray(closed_loop.nominal())
-    error, slope = casadi_loop.Loop(1, theta).value_and_gradient(short)()
-    expected = jax.value_and_grad(closed_loop.loop_error)(jnp.asarray(short), jnp.asarray(theta), 1)
+    error, slope = casadi_loop.Loop(1, theta, SHORT.size).value_and_gradient(SHORT)()
+    expected = jax.value_and_grad(closed_loop.loop_error)(jnp.asarray(SHORT), jnp.asarray(theta), 1)
     np.testing.assert_allclose(error, expected[0], rtol=1e-9)
     np.testing.assert_allclose(slope, expected[1], atol=1e-9 * np.abs(expected[1]).max())
 

@@ -150,7 +150,7 @@ def _refined(
     taken from the motion by (18), the same for all designs of a case; where with the encoder some
     plant still leaves a limit, also from what was found, and the search goes on.
     """
-    effort = _TOY_EFFORT if case.toy else _EFFORT
+    effort, repeats = (_TOY_EFFORT, 0) if case.toy else (_EFFORT, _REPEATS)
     seen = [_seen(case, by_18)]
     for more in range(_ROUNDS):
         noise, nearness = (jnp.max(jnp.stack(part), axis=0) for part in zip(*seen, strict=True))
@@ -158,7 +158,9 @@ def _refined(
         nearest = case.plants[np.argsort(-nearness)[:_NEAREST]]
         axis = SampledPlants(case.loop(IdealSensor()), nearest)
         problem = case.problem(objective, axis, room)
-        found = chain.from_iterable(_refinements(problem, start, effort) for start in starts)
+        found = chain.from_iterable(
+            _refinements(problem, start, effort, repeats) for start in starts
+        )
         motions = [x.trajectory for x in sorted(found, key=lambda refined: refined.value)]
         for motion in motions:
             if jnp.max(case.beyond(encoder(), motion)) <= 0:
@@ -171,14 +173,16 @@ def _refined(
     )
 
 
-def _refinements(problem: Problem, start: JerkTrajectory, effort: Effort) -> Iterator[Design]:
-    """Refined again and again, until that gains nothing worth a stage of the design.
+def _refinements(
+    problem: Problem, start: JerkTrajectory, effort: Effort, repeats: int
+) -> Iterator[Design]:
+    """Refined, and again at most `repeats` times while that gains what is worth a stage.
 
     What a later stage gains is then its objective's doing, not that of searching once more.
     """
     found = improve(problem, start, effort)
     yield found
-    for _ in range(0 if effort is _TOY_EFFORT else _REPEATS):
+    for _ in range(repeats):
         before, found = found, improve(problem, found.trajectory, effort)
         yield found
         if before.value - found.value < _SETTLED:

@@ -21,10 +21,10 @@ Vector = Float[np.ndarray, " n"]
 class Loop:
     """`loop_error` and its reverse gradient as generated C, compiled with the flags of loop.c."""
 
-    def __init__(self, repeats: int, theta: Vector) -> None:
+    def __init__(self, repeats: int, theta: Vector, intervals: int = closed_loop.INTERVALS) -> None:
         """Build, generate, compile, load."""
-        jerk = ca.MX.sym("jerk", closed_loop.INTERVALS)
-        error = _log_error(closed_loop.numbers(repeats), jerk, theta)
+        jerk = ca.MX.sym("jerk", intervals)
+        error = _log_error(closed_loop.numbers(repeats, intervals), jerk, theta)
         value = ca.Function("value", [jerk], [error])
         both = ca.Function("both", [jerk], [error, ca.gradient(error, jerk)])
         with tempfile.TemporaryDirectory() as folder:

@@ -20,8 +20,9 @@ from jaxid.regression.worst_case import individual
 # what a design through the closed loop would use half-way: corners of (29), and jumps in m/s
 SMOOTHING, BLEND = 0.001, 0.002
 TARGET = "M"
-INTERVALS = 60  # N = 30
-TICKS = round(INTERVALS * motor.KNOT_PERIOD / motor.CONTROL_PERIOD)
+PER_INTERVAL = round(motor.KNOT_PERIOD / motor.CONTROL_PERIOD)  # ticks
+INTERVALS = 60  # of the motion that is timed: N = 30
+TICKS = INTERVALS * PER_INTERVAL
 
 
 def loop_error(
@@ -30,13 +31,14 @@ def loop_error(
     """The library's objective: log of the smoothed J_f of TARGET, `repeats` motions back to back.
 
     Args:
-        jerk: of the desired motion of INTERVALS intervals, from rest at zero.
+        jerk: of each interval of the desired motion, m/s³, from rest at zero.
         theta: true parameters; there is no disturbance.
         repeats: how often the motion is run.
     """
     system, period = motor.system(), motor.CONTROL_PERIOD
+    ticks = jerk.size * PER_INTERVAL
     objective = ThroughLoop(
-        ClosedLoop(motor.controller(), IdealSensor(), period, TICKS, repeats),
+        ClosedLoop(motor.controller(), IdealSensor(), period, ticks, repeats),
         Scenarios(system, theta[None], NoDisturbance()),
         FilteredError(individual(system.index(TARGET), len(system.names)), motor.BANDWIDTH, period),
         speed=0.0,
@@ -70,8 +72,8 @@ class Numbers(NamedTuple):
     repeats: int
 
 
-def numbers(repeats: int) -> Numbers:
-    """Of the motor and its controller."""
+def numbers(repeats: int, intervals: int = INTERVALS) -> Numbers:
+    """Of the motor and its controller, and of a motion of so many intervals."""
     system, arc = motor.system(), motor.controller()
     friction, delta = system.terms[2].regressor, system.disturbance_bound
     assert isinstance(friction, Coulomb)
@@ -94,8 +96,8 @@ def numbers(repeats: int) -> Numbers:
         knot_period=motor.KNOT_PERIOD,
         smoothing=SMOOTHING,
         target=system.index(TARGET),
-        intervals=INTERVALS,
-        per_interval=round(motor.KNOT_PERIOD / period),
+        intervals=intervals,
+        per_interval=PER_INTERVAL,
         repeats=repeats,
     )
 

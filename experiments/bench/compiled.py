@@ -66,16 +66,23 @@ def loop_library(lanes: int = 1, *flags: str) -> ctypes.CDLL:
 class Loop:
     """The loop by hand: `loop_error` of lanes, and for one lane its gradient."""
 
-    def __init__(self, repeats: int, lanes: int = 1, *flags: str) -> None:
+    def __init__(
+        self,
+        repeats: int,
+        lanes: int = 1,
+        *flags: str,
+        intervals: int = closed_loop.INTERVALS,
+    ) -> None:
         """Compile; `flags` beyond -O3 -march=native must be named where times are shown."""
         self._library = loop_library(lanes, *flags)
-        self._case = ctypes.byref(_case(repeats))
-        ticks = closed_loop.TICKS * repeats
+        numbers = closed_loop.numbers(repeats, intervals)
+        self._case = ctypes.byref(_case(numbers))
+        ticks = intervals * numbers.per_interval * repeats
         self._value = np.zeros(lanes)
         self._work = np.zeros(ticks * self._library.row_size() * lanes)
         if lanes == 1:
             self._kept = np.zeros(ticks * self._library.kept_size(), np.uint8)
-            self._gradient = np.zeros(closed_loop.INTERVALS)
+            self._gradient = np.zeros(intervals)
 
     def value(self, jerk: Lanes | Vector, theta: Lanes | Vector) -> Callable[[], Vector]:
         """Log J of every lane; the lane is the last axis of both arguments."""
@@ -106,9 +113,9 @@ def _pointer(array: np.ndarray) -> object:
     return array.ctypes.data_as(_DOUBLES)
 
 
-def _case(repeats: int) -> _Case:
+def _case(numbers: closed_loop.Numbers) -> _Case:
     case = _Case()
-    for name, value in closed_loop.numbers(repeats)._asdict().items():
+    for name, value in numbers._asdict().items():
         if isinstance(value, int):
             setattr(case, name, value)
         else:
