@@ -78,9 +78,9 @@ def test_information_criteria_are_those_of_the_textbooks(motion, criterion):
     """From a loop over the rows and the eigenvalues of the covariance."""
     system = motor.system()
     states, weights = motion.midpoints(256)
-    P = np.zeros((4, 4))
+    P, half_widths = np.zeros((4, 4)), np.asarray(system.half_widths)
     for _, v, a, h in zip(*map(np.asarray, states), np.asarray(weights), strict=True):
-        phi = np.array([a, v, 2 / np.pi * np.arctan(1000 * v), 1.0]) * system.half_widths
+        phi = np.array([a, v, 2 / np.pi * np.arctan(1000 * v), 1.0]) * half_widths
         P += h * np.outer(phi, phi) / (0.25 if abs(v) <= 0.1 else 0.15) ** 2
     axes = np.linalg.eigvalsh(np.linalg.inv(P))
     expected = {"D": np.mean(np.log(axes)), "A": np.log(axes.sum()), "E": np.log(axes.max())}

@@ -63,6 +63,7 @@ def test_a_smaller_disturbance_than_the_data_need_is_refused(recorded):
 
 
 @at_hand
+@pytest.mark.usefixtures("quick_compilation")
 def test_the_program_runs(tmp_path):
     emps.main(emps.Emps(RECORD, tmp_path, toy=True))
     assert sorted(path.name for path in tmp_path.iterdir()) == [

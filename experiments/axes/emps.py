@@ -115,7 +115,7 @@ def main(options: Emps) -> None:
         *(f"{name} {x:.6g} ({x / PUBLISHED[name] - 1:+.2%})" for name, x in fit.items()),
         sep="\n  ",
     )
-    laps = laps_of(recorded, 1000 if options.toy else LAP)
+    laps = laps_of(recorded, 400 if options.toy else LAP)
     models = {"one friction": system, "friction by direction": by_direction}
     results = [studied(name, model, laps) for name, model in tqdm(models.items(), "models")]
     rows = [row for result in results for row in rows_of(result)]

@@ -62,7 +62,8 @@ class Sequential(Toys):
         out: the folder of sequential.csv, sequential.png and the motions of all rounds.
         seed: of the searches.
         redraw: use the motions in `out` instead of searching.
-        toy: one jerk limit, two rounds, hardly searched: only shows that everything runs.
+        toy: one jerk limit, two rounds, hardly searched, and for fewer parameters: only shows that
+            everything runs.
     """
 
     out: Path = Path("figures")
@@ -171,7 +172,8 @@ def designed(options: Sequential, task: Task, done: Sequence[Round]) -> JerkTraj
     # a motion that was designed for other limits is as good a start, and may stay
     starts = [key, before] if before.jerk.size == task.intervals else [key]
     proved = targets = expected(before)
-    for k in np.flatnonzero(least < _WORTH * proved):
+    improvable = np.flatnonzero(least < _WORTH * proved)
+    for k in improvable[:1] if options.toy else improvable:
         only = jnp.full(len(proved), jnp.inf).at[k].set(proved[k])
         reached, _ = best(task, only, starts, effort)
         targets = targets.at[k].set(jnp.minimum(_NEAR * reached[k], proved[k]))

@@ -124,8 +124,7 @@ class Program:
 
         Returns:
             The weights g, and the multipliers of c − Φᵀg. If the program has no solution, g is
-                zero, so
-            that the prior interval remains.
+            zero, so that the prior interval remains.
         """
         unit = np.abs(functional) @ self.half_widths
         tilt = np.zeros_like(self.delta) if misfit is None else misfit @ self.basis / self.delta

@@ -116,12 +116,12 @@ class System(eqx.Module):
     @property
     def lower(self) -> Float[Array, " m"]:
         """The lower ends θ_min of the prior intervals, shape (m,), in the parameters' units."""
-        return jnp.stack([term.interval[0] for term in self.terms])
+        return _ends_of_intervals(self.terms, 0)
 
     @property
     def upper(self) -> Float[Array, " m"]:
         """The upper ends θ_max of the prior intervals, shape (m,), in the parameters' units."""
-        return jnp.stack([term.interval[1] for term in self.terms])
+        return _ends_of_intervals(self.terms, 1)
 
     @property
     def box(self) -> tuple[Range, ...]:
@@ -218,6 +218,13 @@ class System(eqx.Module):
             theta: θ, shape (m,), in the units of the parameters.
         """
         return (load - dot(self.forces(position, velocity), theta[1:])) / theta[0]
+
+
+def _ends_of_intervals(terms: tuple[Term, ...], side: int) -> Float[Array, " m"]:
+    intervals = [term.interval for term in terms]
+    if is_concrete(intervals):  # one array, not an operation per term: 0.08 instead of 0.6 ms
+        return jnp.asarray(np.stack([np.asarray(interval)[side] for interval in intervals]))
+    return jnp.stack([interval[side] for interval in intervals])
 
 
 def require_parameters(name: str, owner: str, theta: Float[Array, "..."], system: System) -> None:
