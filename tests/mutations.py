@@ -39,6 +39,7 @@ READINGS = (OF_ROWS + "test_wrong_readings_move_a_column_by_what_its_channel_say
 HIDDEN = (OF_ROWS + "test_brackets_and_delta_count_for_as_much_as_they_can_hide",)
 NOT_HELD = (OF_ROWS + "test_inputs_that_are_not_held_as_commanded_are_part_of_delta",)
 ANY_WEIGHTS = (OF_ROWS + "test_the_bound_of_any_weights_is_reached_by_the_worst_of_everything",)
+PRINTED = ("tests/test_text.py::test_a_printed_bound_is_on_its_side_and_near",)
 UPPER_END = (OF_ROWS + "test_the_upper_end_of_any_weights_is_reached_by_the_worst_of_everything",)
 INTERPOLATION = ("tests/test_log.py::test_the_error_of_interpolation_is_what_the_worst_motion_has",)
 
@@ -667,10 +668,17 @@ OF_FALSIFICATION = (
     ),
     Mutation(
         "a proved factor rounded to the nearest",
-        "identification/identify.py",
-        "return floor(factor * 10**digits)",
-        "return round(factor * 10**digits)",
-        ("tests/test_identify.py::test_what_is_needed_at_least_is_rounded_down",),
+        "_text.py",
+        "Context(digits, ROUND_FLOOR)",
+        "Context(digits)",
+        PRINTED,
+    ),
+    Mutation(
+        "a printed upper bound rounded to the nearest",
+        "_text.py",
+        "Context(digits, ROUND_CEILING)",
+        "Context(digits)",
+        PRINTED,
     ),
     Mutation(
         "the data halved in an upper end of what is possible",

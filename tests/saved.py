@@ -20,7 +20,7 @@ def save_design(folder: Path, trajectory: Path, digest: str) -> None:
         ends_s=1.0,
         parameters={},
         margins={},
-        rests_on=(),
+        assumptions=(),
     )
     files = {"trajectory.csv": trajectory.read_bytes(), "design.json": json_bytes(summary)}
     part = Part(program=PROGRAM, command="jaxid design", sources={"axis": digest})

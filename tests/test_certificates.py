@@ -31,7 +31,7 @@ def table(figures):
 def test_one_motion_is_near_the_floor_of_every_parameter_at_once(motion, table):
     """Within 6, 1.5, 2 and 1 %, every limit exact."""
     least = lower_bound(motor.system(), motor.limits())
-    gap = np.asarray(certificates.worth(motion, least).appraisal.gap)
+    gap = np.asarray(certificates.worth(motion, least).evaluation.gap)
     assert np.all(gap <= [0.06, 0.015, 0.02, 0.01])
     assert worst_violation(motor.limits(), motor.boundary(), motion) <= 0
     assert motion.jerk.size == 60
@@ -84,7 +84,7 @@ def test_one_experiment_proves_more_than_the_papers_three(figures):
 def test_a_run_of_the_motion_proves_what_the_table_says(motion, figures):
     proof = certificates.experiment(motion)
     for k, row in enumerate(read_table(figures / "proved.csv")):
-        found = [proof.guarantee.estimate.half_length[k], proof.left.lower[k], proof.left.upper[k]]
+        found = [proof.guarantee.estimate.half_widths[k], proof.left.lower[k], proof.left.upper[k]]
         columns = ("half_length", "possible_lower", "possible_upper")
         printed = [float(row[name]) for name in columns]
         # another processor may read another count here and there

@@ -12,7 +12,7 @@ from experiments.paper.designs import TOY
 from jaxid.axis import cli
 from jaxid.axis import design_result as axis_design
 from jaxid.axis import tradeoff as axis_tradeoff
-from jaxid.axis.design import appraised, in_words
+from jaxid.axis.design import evaluated, in_words
 from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import PROGRAM, example, read_axis
 from jaxid.axis.result import write
@@ -91,14 +91,14 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
     worth = evaluate(system, motion, axis.servo, lower_bound(system, limits))
     for k, name in enumerate(system.names):
         own = written["parameters"][name]
-        assert f"{own['guaranteed']:.4g}" in said
+        assert f"{own['predicted']:.4g}" in said
         # an error is at most proportional to δ, and no guarantee is worse than the box
-        half, twice = own["guaranteed_with_delta_times"].values()
+        half, twice = own["predicted_with_delta_times"].values()
         box = float(system.half_widths[k])
-        assert own["guaranteed"] / 2 * 0.99 <= half <= own["guaranteed"] <= twice <= box
-        assert twice <= 2.01 * own["guaranteed"]
-        found = [own["J"], own["guaranteed"], own["floor"]]
-        expected = [worth.error[k], worth.guaranteed[k], worth.floor[k]]
+        assert own["predicted"] / 2 * 0.99 <= half <= own["predicted"] <= twice <= box
+        assert twice <= 2.01 * own["predicted"]
+        found = [own["least_squares"], own["predicted"], own["lower_bound"]]
+        expected = [worth.least_squares[k], worth.predicted[k], worth.lower_bound[k]]
         np.testing.assert_allclose(found, expected, rtol=1e-6)
     again = refused(capsys, "design", path, "--out", out, "--effort", "quick")
     assert "design.png would be replaced" in again
@@ -109,7 +109,7 @@ def hardly_designed(axis, target, seed, effort, report):
     task = axis.task
     motion = interior(task.limits, task.boundary, task.intervals, task.period)
     least = lower_bound(axis.system, task.limits)
-    return appraised(axis, target, in_words(seed, effort), motion, least)
+    return evaluated(axis, target, in_words(seed, effort), motion, least)
 
 
 def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
@@ -133,10 +133,10 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
         assert float(motion.duration) == pytest.approx(duration)
         worth = evaluate(axis.system, motion, axis.servo, least)
         own = [r for r in table if (r["target"], float(r["duration_s"])) == (target, duration)]
-        found = [float(row["guaranteed"]) for row in own]
-        np.testing.assert_allclose(found, worth.guaranteed, rtol=1e-6)
+        found = [float(row["predicted"]) for row in own]
+        np.testing.assert_allclose(found, worth.predicted, rtol=1e-6)
     for row in table:
-        assert f"{float(row['guaranteed']):.4g}" in said
+        assert f"{float(row['predicted']):.4g}" in said
     assert (out / "tradeoff.png").exists()
     before = (out / "tradeoff.csv").read_text()
     (out / "tradeoff.csv").unlink()
@@ -192,7 +192,7 @@ def test_a_design_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch)
     assert list(tmp_path.iterdir()) == [path]
     part = write(out, DesignResult(found))
     written = json.loads((out / "design.json").read_text())
-    assert any("2 periods later" in sentence for sentence in written["rests_on"])
+    assert any("2 periods later" in sentence for sentence in written["assumptions"])
     # the manifest says where it is from, and what was written is read again
     assert part.program == PROGRAM
     assert part.sources == {"axis": hashlib.sha256(path.read_bytes()).hexdigest()}
@@ -250,20 +250,20 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     assert f"{out} was designed for another axis file than {path} is now" in said
     found = json.loads((out / "simulation.json").read_text())
     assert (out / "simulation.png").exists()
-    assert found["logs_with_a_truth_outside"] == 0
+    assert found["logs_missing_the_truth"] == 0
     assert "acts as commanded, 2 periods later" in said
     axis, motion = read_axis(path), read_trajectory(out / "trajectory.csv", "rotary")
     again = simulate_axis(axis, motion, 8, 2)
     for name, one in found["limits"].items():
-        assert one["least_margin"] == -float(again.excess[name].max())
-        assert f"{one['least_margin']:.4g}" in said
+        assert one["smallest_margin"] == -float(again.excess[name].max())
+        assert f"{one['smallest_margin']:.4g}" in said
     # second truth: the extremes of what was drawn
     assert float(again.played.duration) > float(motion.duration)  # it begins at home
     np.testing.assert_allclose(again.drawn.position[:, 0], 0.3)
     y, (low, high) = again.drawn.position[:, 1:], axis.task.limits.position
     beyond = np.maximum(np.max(y, axis=1) - high, low - np.min(y, axis=1)) / ((high - low) / 2)
     np.testing.assert_allclose(again.excess["position"], beyond, rtol=1e-9)
-    assert set(found["half_length"]) == set(axis.system.names)
+    assert set(found["half_widths"]) == set(axis.system.names)
     assert "would be replaced" in refused(capsys, "simulate", path, out)
     parts = json.loads((out / "manifest.json").read_text())["parts"]
     digests = {

@@ -102,10 +102,10 @@ def test_the_designed_motion_keeps_its_limits_and_is_worth_what_is_said(figures,
     ends = Boundary((0.0, 0.0, 0.0), (through((0.0, 0.0, 0.0), at=1.0),))
     assert worst_violation(limits, ends, motion) <= 0
     worth = evaluate(axis, motion, Servo(emps.PERIOD, emps.RESOLUTION), lower_bound(axis, limits))
-    for name, guaranteed, gap in zip(axis.names, worth.guaranteed, worth.gap, strict=True):
+    for name, guaranteed, gap in zip(axis.names, worth.predicted, worth.gap, strict=True):
         assert said["designed", name] == pytest.approx(float(guaranteed), rel=1e-6)
         # of the offset neither is 1e-4 above the floor
         assert said["designed", name] < said["lap 1 of the record", name] * (1 + 1e-5)
         assert 0 <= gap < 0.03
     assert said["designed", "M"] < 0.8 * said["lap 1 of the record", "M"]
-    assert jnp.all(worth.guaranteed <= axis.half_widths)
+    assert jnp.all(worth.predicted <= axis.half_widths)

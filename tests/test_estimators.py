@@ -97,11 +97,20 @@ def test_rows_without_a_measure_have_no_weight(estimator):
     np.testing.assert_array_equal(weights[:, :5], 0.0)
 
 
+def middle(result):
+    return (result.lower + result.upper) / 2
+
+
+def before_the_data(result):
+    """The largest half-width that any data can leave."""
+    return jnp.minimum(result.bound, (result.prior_upper - result.prior_lower) / 2)
+
+
 @given(seeds)
 def test_minimax_is_never_worse_than_any_other_nor_than_the_prior(seed):
     rows = random_rows(np.random.default_rng(seed))
     errors = {name: errors_of(estimator, rows) for name, estimator in ESTIMATORS.items()}
-    floor = minimax(rows, BOX).floor
+    floor = minimax(rows, BOX).lower_bound
     for error in (*errors.values(), BOX):
         assert np.all(errors["minimax"] <= error * (1 + 1e-12))
         assert np.all(floor <= error)
@@ -115,7 +124,7 @@ def test_functionals_have_weights_of_their_own(estimator):
     np.testing.assert_allclose(same, estimator(rows, BOX), rtol=1e-12, atol=1e-15)
     functional = Norm(jnp.array([[1.0, -20.0, 0.5]]))
     error = affine_worst_case_error(estimator(rows, BOX, functional), rows, BOX, functional)
-    assert minimax(rows, BOX, functional).floor <= error
+    assert minimax(rows, BOX, functional).lower_bound <= error
 
 
 @members
@@ -136,8 +145,8 @@ def test_no_truth_is_outside_and_the_worst_one_is_at_the_end(estimator):
         error, bound, result = missed(theta, rows.delta * rng.uniform(-1, 1, 40))
         assert np.all(error <= bound)
         assert np.all((result.lower <= theta) & (theta <= result.upper))
-        assert np.all(np.abs(result.middle - theta) <= result.half_length * (1 + 1e-12))
-        assert np.all(result.half_length <= result.guaranteed * (1 + 1e-12))
+        assert np.all(np.abs(middle(result) - theta) <= result.half_widths * (1 + 1e-12))
+        assert np.all(result.half_widths <= before_the_data(result) * (1 + 1e-12))
     for i in range(3):
         theta = SYSTEM.centre - worst_case(remainder[i], BOX)
         error, bound, _ = missed(theta, worst_case(weights[i], rows.delta))
@@ -155,10 +164,10 @@ def test_the_guarantee_before_the_data_is_that_of_the_emptiest_data(estimator):
     rows = random_rows(np.random.default_rng(4))
     record = record_of(rows, SYSTEM.centre, jnp.zeros(40))
     result = estimate(record, SYSTEM, estimator(rows, BOX))
-    np.testing.assert_allclose(result.middle, SYSTEM.centre, atol=1e-12)
-    np.testing.assert_allclose(result.half_length, result.guaranteed, rtol=1e-12)
+    np.testing.assert_allclose(middle(result), SYSTEM.centre, atol=1e-12)
+    np.testing.assert_allclose(result.half_widths, before_the_data(result), rtol=1e-12)
     np.testing.assert_allclose(
-        result.guaranteed, np.minimum(errors_of(estimator, rows), BOX), rtol=1e-12
+        before_the_data(result), np.minimum(errors_of(estimator, rows), BOX), rtol=1e-12
     )
 
 
@@ -167,7 +176,7 @@ def test_an_estimate_clipped_into_the_box_guarantees_less_than_the_middle_of_its
     truth = upper
     result = Estimate(truth - bound, bound, lower, upper)  # within its bound
     assert np.abs(np.clip(result.theta, lower, upper) - truth) == 2.0
-    assert np.abs(result.middle - truth) <= result.guaranteed == 1.0
+    assert np.abs(middle(result) - truth) <= before_the_data(result) == 1.0
 
 
 @pytest.mark.parametrize("inner", [LeastSquares(), LeastSquares(2), Minimax()])
@@ -205,7 +214,7 @@ def test_least_squares_after_the_filter_is_the_bound_of_the_paper_and_above_the_
         paper = worst_case_error(least_squares(passed), passed.delta)
         exact = errors_of(Filtered(LeastSquares(), 300.0, PERIOD), rows)
         assert np.all(exact <= paper)
-        assert np.all(exact >= minimax(rows, BOX).floor)
+        assert np.all(exact >= minimax(rows, BOX).lower_bound)
 
 
 def test_filtered_rows_are_those_of_the_filtered_record():

@@ -194,7 +194,7 @@ def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
     for other in (found.estimate, *others):
         assert np.all(left.lower >= other.lower)
         assert np.all(left.upper <= other.upper)
-    share_left = (left.upper - left.lower) / 2 / found.estimate.half_length
+    share_left = (left.upper - left.lower) / 2 / found.estimate.half_widths
     assert np.mean(share_left) < 0.9
     corners = projection(found.rows, "M", "B", knots=75)
     alone = feasible_set(found.rows, knots=75)

@@ -8,7 +8,7 @@ import jaxid as jd
 from experiments.axes import linear_motor as motor
 from jaxid.identification.batches import BatchSizes, batches, most_informative, samples_per_weight
 from jaxid.identification.falsification import MOST
-from jaxid.identification.identify import identify, rounded_down
+from jaxid.identification.identify import identify
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
 from jaxid.loop.log import InconsistentLogError, Log, filled
@@ -247,9 +247,3 @@ def test_no_logs_and_single_precision_are_refused(parts):
     single = Log(*(x.astype(jnp.float32) for x in (parts[0].input, parts[0].position)), PERIOD, 0.0)
     with pytest.raises(ValueError, match="`logs` must be float64"):
         identify(motor.system(), single)
-
-
-def test_what_is_needed_at_least_is_rounded_down():
-    assert rounded_down(1.2399) == pytest.approx(1.23)
-    assert rounded_down(0.0129999) == pytest.approx(0.0129)
-    assert rounded_down(1.0) == 1.0

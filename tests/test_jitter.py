@@ -87,7 +87,7 @@ def test_what_is_proved_of_a_log_with_jitter_is_true(motion, key, share, left):
         assert np.all((low <= speeds[inside]) & (speeds[inside] <= high))
         found = guaranteed_intervals(system, [log]).estimate
         assert np.all((found.lower <= theta) & (theta <= found.upper))
-        lengths.append(found.half_length / system.half_widths)
+        lengths.append(found.half_widths / system.half_widths)
     assert np.max(lengths, axis=0)[0] < left
 
 

@@ -108,7 +108,7 @@ def worst_case(weights, phi, delta, half_widths, functionals) -> np.ndarray:
 def assert_right(result, phi, delta, half_widths, functionals):
     """The two values beside the weights and the ν behind them, and beside HiGHS."""
     error, floor, weights, dual = (
-        np.asarray(x) for x in (result.error, result.floor, result.weights, result.dual)
+        np.asarray(x) for x in (result.error, result.lower_bound, result.weights, result.dual)
     )
     exact = worst_case(weights, phi, delta, half_widths, functionals)
     np.testing.assert_allclose(error, exact, rtol=1e-8)
@@ -135,7 +135,7 @@ def test_highs_agrees_and_each_value_proves_the_other(problem, seed):
         rows_from(phi, delta), jnp.asarray(half_widths), Norm(jnp.asarray(functionals))
     )
     assert_right(result, phi, delta, half_widths, functionals)
-    assert np.all(result.gap <= 1e-8)
+    assert np.all(result.error - result.lower_bound <= 1e-8 * result.error)
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +154,7 @@ def test_highs_agrees_on_the_motions_of_the_motor(motor_problems):
     box = motor.system().half_widths
     for rows in motor_problems.values():
         result = minimax(rows, box)
-        assert np.all(result.gap < 1e-10)
+        assert np.all(result.error - result.lower_bound < 1e-10 * result.error)
         counts = np.asarray(rows.measure) > 0
         phi, delta = np.asarray(rows.regressors)[counts], np.asarray(rows.delta)[counts]
         kept = eqx.tree_at(lambda r: r.weights, result, result.weights[:, counts])
@@ -167,8 +167,8 @@ def test_a_batch_of_motions_is_what_each_of_them_is(motor_problems):
     together = jax.vmap(minimax, (0, None))(batch, box)
     alone = [minimax(rows, box) for rows in motor_problems.values()]
     np.testing.assert_allclose(together.error, [r.error for r in alone], rtol=1e-12)
-    np.testing.assert_allclose(together.floor, [r.floor for r in alone], rtol=1e-12)
-    assert np.all(together.error >= together.floor)
+    np.testing.assert_allclose(together.lower_bound, [r.lower_bound for r in alone], rtol=1e-12)
+    assert np.all(together.error >= together.lower_bound)
 
 
 def test_exact_arithmetic_confirms_both_values():
@@ -190,7 +190,7 @@ def test_exact_arithmetic_confirms_both_values():
             assert exact <= Fraction(float(result.error[i]))
             assert np.all(np.abs(phi @ nu) <= delta)
             assert np.all(np.abs(nu) <= half_widths)
-            assert c @ nu >= Fraction(float(result.floor[i]))
+            assert c @ nu >= Fraction(float(result.lower_bound[i]))
 
 
 def as_fractions(values) -> np.ndarray:
@@ -225,8 +225,8 @@ def test_no_weights_at_all_are_better_than_the_floor(seed):
     for size in 10.0 ** rng.uniform(-9, 0, 50):
         other = np.asarray(result.weights) + size * rng.normal(size=(3, 40))
         error = worst_case(other, phi, delta, half_widths, np.eye(3))
-        assert np.all(error >= result.floor)
-    assert np.all(half_widths >= result.floor)
+        assert np.all(error >= result.lower_bound)
+    assert np.all(half_widths >= result.lower_bound)
 
 
 @given(seeds)
@@ -246,7 +246,7 @@ def test_units_do_not_matter_and_more_rows_or_a_smaller_box_never_harm(seed):
 @jax.jit
 def both_values(rows, half_widths, functionals):
     result = minimax(rows, half_widths, Norm(functionals))
-    return jnp.stack([result.error, result.floor])
+    return jnp.stack([result.error, result.lower_bound])
 
 
 slopes_of_both_values = jax.jit(jax.jacrev(both_values, argnums=(0, 1, 2)))

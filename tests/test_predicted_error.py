@@ -52,7 +52,7 @@ def expected(trajectory, law=None):
     system = motor.system()
     return guaranteed_intervals(
         system, [nominal_log(system, trajectory, SERVO, law)]
-    ).estimate.half_length
+    ).estimate.half_widths
 
 
 @LAWS

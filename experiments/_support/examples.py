@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jax import Array
 
-from experiments._support.appraisals import Row
+from experiments._support.evaluations import Row
 from experiments._support.toys import Toys
 from experiments.paper.designs import TOY
 from jaxid.io import plots

@@ -20,7 +20,7 @@ import numpy as np
 import tyro
 
 import jaxid as jd
-from experiments._support.appraisals import WORTH, Row, rows_of
+from experiments._support.evaluations import WORTH, Row, rows_of
 from experiments._support.examples import (
     PROVED,
     Example,
@@ -171,7 +171,7 @@ def rows_read(motion_for: str, model: str, axis: jd.System, reading: Reading) ->
 def said(readings: Mapping[Pair, Reading]) -> list[str]:
     """What was found, in sentences."""
     plain, same, own = (readings[pair] for pair in SHOWN.values())
-    before, *after = (np.asarray(x.proved.half_length)[:SHARED] for x in (plain, same, own))
+    before, *after = (np.asarray(x.proved.half_widths)[:SHARED] for x in (plain, same, own))
     shares = [", ".join(f"{share:.0%}" for share in length / before) for length in after]
     names = ", ".join(in_delta().names)
     return [

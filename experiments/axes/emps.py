@@ -254,7 +254,7 @@ def compared(options: Emps, result: Result) -> Iterator[dict[str, Cell]]:
     if not options.redraw:
         write_trajectory(path, designed(options, axis, limits, least.value))
     worth = evaluate(axis, read_trajectory(path), Servo(PERIOD, RESOLUTION), least)
-    errors = {"lap 1 of the record": result.laps[0].bound, "designed": worth.guaranteed}
+    errors = {"lap 1 of the record": result.laps[0].bound, "designed": worth.predicted}
     for motion, error in errors.items():
         for k, name in enumerate(axis.names):
             own, lowest = float(error[k]), float(least.value[k])

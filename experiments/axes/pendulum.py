@@ -17,7 +17,7 @@ import tyro
 from jax.tree_util import Partial
 
 import jaxid as jd
-from experiments._support.appraisals import WORTH, rows_of
+from experiments._support.evaluations import WORTH, rows_of
 from experiments._support.examples import (
     PROVED,
     Example,
@@ -102,7 +102,7 @@ def heat(torque: jax.Array, seconds: jax.Array | None = None) -> Scalar:
 
 
 def main(options: Example) -> None:
-    """Search, appraise, run, save, draw, print."""
+    """Search, evaluate, run, save, draw, print."""
     axis, law, truth = system(), controller(), plant()
     least = jd.lower_bound(axis, task().limits)
     key, effort = jax.random.key(options.seed), options.quick
@@ -127,7 +127,7 @@ def main(options: Example) -> None:
     ]
     rows = [a | b for a, b in zip(rows_of(worth, "motion", axis.names), found, strict=True)]
     save_table(options.named("pendulum.csv"), COLUMNS, rows)
-    rise = float(worth[COOL].error[0] / worth[ERROR].error[0]) - 1
+    rise = float(worth[COOL].least_squares[0] / worth[ERROR].least_squares[0]) - 1
     print(
         f"With a price on heat the error of J by least squares is {rise:.1%} higher, and the heat "
         f"{heats[COOL]:.2f} instead of {heats[ERROR]:.2f} times what the motor stands for ever.\n"

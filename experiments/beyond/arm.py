@@ -14,7 +14,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from experiments._support.appraisals import WORTH, rows_of
+from experiments._support.evaluations import WORTH, rows_of
 from experiments._support.examples import PROVED, Example, interval_rows, save_table
 from experiments._support.processes import each
 from experiments.axes import one_link_arm as arm
@@ -55,7 +55,7 @@ class Study(Example):
 
 
 def main(study: Study) -> None:
-    """Search, appraise, run, save, draw, print."""
+    """Search, evaluate, run, save, draw, print."""
     system, designs = arm.system(), (*arm.system().names, ALL)
     if not study.redraw:
         found = each(partial(searched, study), designs[::-1], study.processes)

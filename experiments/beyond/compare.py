@@ -20,8 +20,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from tqdm import tqdm
 
 from experiments._support import excitations
-from experiments._support.appraisals import rows_of
 from experiments._support.classical import InformationCriterion
+from experiments._support.evaluations import rows_of
 from experiments._support.excitations import Excitation
 from experiments._support.family_search import Budget, best_members, polished_member
 from experiments._support.processes import each
@@ -95,7 +95,7 @@ class Compare(Toys):
 
 
 def main(options: Compare) -> None:
-    """Search, appraise, save, draw, print."""
+    """Search, evaluate, save, draw, print."""
     others = [name for name in EXCITATIONS if name != OURS]
     if not options.redraw:
         found = each(partial(searched, options), others, options.processes)
@@ -112,9 +112,8 @@ def main(options: Compare) -> None:
     print(table.text("Table 5: what each excitation guarantees, and how far above the floor"))
     print("Largest of the guaranteed errors over what is allowed of our one motion:")
     for name, one in worth.items():
-        print(
-            f"  {name:12} {float(jnp.max(one.guaranteed / one.floor / jnp.asarray(ALLOWED))):.4f}"
-        )
+        worst = float(jnp.max(one.predicted / one.lower_bound / jnp.asarray(ALLOWED)))
+        print(f"  {name:12} {worst:.4f}")
 
 
 def searched(options: Compare, name: str) -> tuple[str, JerkTrajectory]:

@@ -25,12 +25,12 @@ def above_floor(folder: Path, worths: Mapping[str, Worth]) -> None:
         columns = [
             np.array([float(error[k]) for error in kind])
             for kind in (
-                [w.appraisal.error for w in worths.values()],
-                [w.appraisal.guaranteed for w in worths.values()],
+                [w.evaluation.least_squares for w in worths.values()],
+                [w.evaluation.predicted for w in worths.values()],
                 [w.errors["minimax"] for w in worths.values()],
             )
         ]
-        floor = np.array([float(w.appraisal.floor[k]) for w in worths.values()])
+        floor = np.array([float(w.evaluation.lower_bound[k]) for w in worths.values()])
         x = np.arange(len(worths))
         for values, (label, (mark, colour)) in zip(columns, _MARKS.items(), strict=True):
             style = {"markersize": 9, "markeredgewidth": 2, "linestyle": "none"}

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 
-from experiments._support.appraisals import rows_of
+from experiments._support.evaluations import rows_of
 from experiments.axes import linear_motor as motor
 from experiments.paper.certificates import Proof, Worth
 from experiments.paper.designs import Cell
@@ -28,9 +28,9 @@ _ESTIMATORS = {
 def table_4(worths: Mapping[Cell, Worth]) -> Table:
     """What each design is worth by every estimator; gap = guaranteed/floor − 1."""
     rows: list[Row] = []
-    for cell, (appraisal, errors) in worths.items():
-        appraised = rows_of({cell.label: appraisal}, "design", motor.system().names)
-        for k, row in enumerate(appraised):
+    for cell, (evaluation, errors) in worths.items():
+        evaluated = rows_of({cell.label: evaluation}, "design", motor.system().names)
+        for k, row in enumerate(evaluated):
             others = {column: float(errors[name][k]) for column, name in _ESTIMATORS.items()}
             rows.append({**row, **others, "N": cell.horizon})
     return Table(TABLE_4, rows)
@@ -50,7 +50,7 @@ def proved(proof: Proof, floor: Errors) -> Table:
                 "theta_true": motor.TRUE_PARAMETERS[k],
                 "lower": float(found.lower[k]),
                 "upper": float(found.upper[k]),
-                "half_length": float(found.half_length[k]),
+                "half_length": float(found.half_widths[k]),
                 "possible_lower": lower,
                 "possible_upper": upper,
                 "possible_half_length": half,

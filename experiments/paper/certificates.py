@@ -29,11 +29,11 @@ class Worth(NamedTuple):
     """What a motion is worth for each parameter.
 
     Attributes:
-        appraisal: by least squares, what its log can be expected to prove, and the floor.
+        evaluation: by least squares, what its log can be expected to prove, and the floor.
         errors: worst-case errors on the desired motion by other estimators, shape (m,) each.
     """
 
-    appraisal: Evaluation
+    evaluation: Evaluation
     errors: Mapping[str, Float[Array, " m"]]
 
 

@@ -69,13 +69,13 @@ def design_axis(
     """
     system, task, servo = axis.system, axis.task, axis.servo
     require_possible(axis, target)
-    tell("floor of every parameter")
+    tell("lower bound of every parameter")
     least = lower_bound(system, task.limits)
     targets, key = _targets(axis, target, least), jax.random.key(seed)
     criterion = PredictedError(system, targets, servo, velocity_error=axis.velocity_error)
     motion = optimal_motion(task, criterion, key, effort=effort, report=tell).trajectory
     tell("what it is worth")
-    return appraised(axis, target, in_words(seed, effort), motion, least)
+    return evaluated(axis, target, in_words(seed, effort), motion, least)
 
 
 def require_possible(axis: Axis, target: str) -> None:
@@ -112,7 +112,7 @@ def in_words(seed: int, effort: Effort) -> str:
     return f"seed {seed}, {effort}"
 
 
-def appraised(
+def evaluated(
     axis: Axis, target: str, search: str, motion: JerkTrajectory, least: LowerBound
 ) -> AxisDesign:
     """Return a motion with its evaluation, for δ and for multiples of δ.
@@ -129,7 +129,7 @@ def appraised(
     found = [
         guaranteed_intervals(x, [nominal_log(x, motion, axis.servo)]).estimate for x in systems
     ]
-    sensitivity = np.stack([np.asarray(estimate.half_length) for estimate in found])
+    sensitivity = np.stack([np.asarray(estimate.half_widths) for estimate in found])
     return AxisDesign(axis, target, search, motion, worth, sensitivity)
 
 

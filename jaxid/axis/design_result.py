@@ -84,7 +84,7 @@ class DesignResult(Result):
             ends_s=begins + float(motion.duration),
             parameters={name: _parameter(found, k) for k, name in enumerate(system.names)},
             margins=dict(self.margins),
-            rests_on=assumptions(system, log, delay=axis.servo.delay),
+            assumptions=assumptions(system, log, delay=axis.servo.delay),
         )
 
     def files(self) -> Mapping[str, bytes]:
@@ -120,9 +120,9 @@ def _parameter(found: AxisDesign, k: int) -> DesignedParameter:
     system, wanted = found.axis.system, float(found.axis.wanted[k])
     return DesignedParameter(
         unit=system.units[k],
-        interval=(float(system.lower[k]), float(system.upper[k])),
+        prior=(float(system.lower[k]), float(system.upper[k])),
         **found.worth.by_parameter[k]._asdict(),
-        guaranteed_with_delta_times={
+        predicted_with_delta_times={
             f"{factor:g}": float(row[k])
             for factor, row in zip(FACTORS, found.sensitivity, strict=True)
         },
@@ -144,7 +144,11 @@ def page(found: AxisDesign) -> bytes:
         panels[0].set_title(f"{title}; grey: its approach", fontsize=12)
     panels[1].set_xlabel("time (s)", fontsize=12)
     box = np.asarray(axis.system.half_widths)
-    kinds = {"least squares": worth.error, "guaranteed": worth.guaranteed, "floor": worth.floor}
+    kinds = {
+        "least squares": worth.least_squares,
+        "predicted": worth.predicted,
+        "lower bound": worth.lower_bound,
+    }
     shares = {kind: np.asarray(error) / box for kind, error in kinds.items()}
     plots.bars(panels[3], axis.system.names, shares, 1.0, np.asarray(axis.wanted) / box)
     plots.label(panels[3], "", "error, of the prior half-width")

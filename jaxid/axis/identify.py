@@ -10,13 +10,14 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxid._checks import require
+from jaxid._text import at_least, between
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import Result
-from jaxid.axis.summaries import IdentificationSummary, IdentifiedParameter, UsedPiece
+from jaxid.axis.summaries import IdentificationSummary, IdentifiedParameter, UsedSegment
 from jaxid.identification.assumptions import assumptions
 from jaxid.identification.batches import SIZES
 from jaxid.identification.falsification import LEAST
-from jaxid.identification.identify import Identification, identify, rounded_down
+from jaxid.identification.identify import Identification, identify
 from jaxid.identification.least_squares import LeastSquaresFit, fit_least_squares
 from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes
@@ -147,19 +148,19 @@ def summary(found: Identified) -> IdentificationSummary:
     return IdentificationSummary(
         program=PROGRAM,
         consistent=result is not None,
-        contradiction=None if found.inconsistency is None else str(found.inconsistency),
-        least_factor_of_disturbance_bound=_factor(found),
+        inconsistency=None if found.inconsistency is None else str(found.inconsistency),
+        disturbance_factor=_factor(found),
         parameters={name: _parameter(found, k) for k, name in enumerate(system.names)},
-        not_told_apart={
+        not_identifiable={
             name: dict(zip(system.names, combination.tolist(), strict=True))
             for name, combination in ({} if result is None else result.unidentifiable).items()
         },
         rows=found.recorded.position.size,
         rows_used=rows_used(found.pieces),
-        stretches=None if result is None else result.batches,
-        ticks_to_a_weight=None if result is None else result.samples_per_weight,
-        pieces=tuple(
-            UsedPiece(
+        batches=None if result is None else result.batches,
+        samples_per_weight=None if result is None else result.samples_per_weight,
+        segments=tuple(
+            UsedSegment(
                 first_row=piece.first + 1,
                 last_row=piece.last + 1,
                 period_s=float(piece.log.period),
@@ -167,7 +168,7 @@ def summary(found: Identified) -> IdentificationSummary:
             )
             for piece in found.pieces
         ),
-        rests_on=assumptions(system, *logs, delay=axis.servo.delay),
+        assumptions=assumptions(system, *logs, delay=axis.servo.delay),
     )
 
 
@@ -191,10 +192,9 @@ def _parameter(found: Identified, k: int) -> IdentifiedParameter:
     estimate = result.estimate
     return msgspec.structs.replace(
         known,
+        guaranteed=(float(result.lower[k]), float(result.upper[k])),
         theta_hat=float(estimate.theta[k]),
         bound=float(estimate.bound[k]),
-        guaranteed=(float(estimate.lower[k]), float(estimate.upper[k])),
-        possible=(float(result.lower[k]), float(result.upper[k])),
     )
 
 
@@ -205,8 +205,10 @@ def text(found: Identified) -> str:
             _rows_used(found),
             *([] if found.result is None else _of_result(found, found.result)),
             *([] if found.inconsistency is None else [f"Inconsistent log. {found.inconsistency}"]),
-            "This rests on:",
-            *(f"  {sentence}" for sentence in summary(found).rests_on),
+            "These intervals hold provided that:"
+            if found.result
+            else "The log was tested under the assumptions:",
+            *(f"  {sentence}" for sentence in summary(found).assumptions),
         )
     )
 
@@ -232,19 +234,15 @@ def _rows_used(found: Identified) -> str:
 
 
 def _intervals(system: System, result: Identification) -> str:
-    estimate, factor = result.estimate, result.disturbance_factor
-    header = ("parameter", "unit", "prior", "guaranteed", "possible")
-    pairs = (
-        (system.lower, system.upper),
-        (estimate.lower, estimate.upper),
-        (result.lower, result.upper),
-    )
+    factor = result.disturbance_factor
+    header = ("parameter", "unit", "prior", "guaranteed")
+    pairs = ((system.lower, system.upper), (result.lower, result.upper))
     columns = [
-        [f"{low:.5g} … {high:.5g}" for low, high in zip(*map(np.asarray, pair), strict=True)]
+        [between(low, high) for low, high in zip(*(end.tolist() for end in pair), strict=True)]
         for pair in pairs
     ]
     rows = list(zip(system.names, system.units, *columns, strict=True))
-    lowest = f"at least {rounded_down(factor):g}·δ" if factor > LEAST else "no lower bound found"
+    lowest = f"at least {at_least(factor)}·δ" if factor > LEAST else "no lower bound found"
     title = f"Guaranteed parameter intervals. Disturbance needed to explain this log: {lowest}."
     return plots.text_table(header, rows, title)
 

@@ -37,7 +37,7 @@ class Simulated(NamedTuple):
         excess: largest excess of each limit, by its name, in half-widths, shape (k,); below zero
             the limit is kept.
         drawn: signals of some plants, with plants along the first axis.
-        half_lengths: half-widths of the intervals from the logs of some plants, shape (logs, m).
+        half_widths: half-widths of the intervals from the logs of some plants, shape (logs, m).
         outside: number of these logs with a true parameter outside its interval.
         log: one of these logs.
     """
@@ -48,7 +48,7 @@ class Simulated(NamedTuple):
     plants: int
     excess: dict[str, Float[np.ndarray, " k"]]
     drawn: Signals
-    half_lengths: Float[np.ndarray, "logs m"]
+    half_widths: Float[np.ndarray, "logs m"]
     outside: int
     log: Log
 
@@ -92,7 +92,7 @@ def simulate_axis(
         found = guaranteed_intervals(axis.system, [log]).estimate
         theta = scenarios.theta[k]
         outside += not bool(jnp.all((found.lower <= theta) & (theta <= found.upper)))
-        lengths.append(np.asarray(found.half_length))
+        lengths.append(np.asarray(found.half_widths))
     sides = dict(zip(_sides(axis.task.limits), excess.T, strict=True))
     return Simulated(axis, whole, seed, plants, sides, drawn, np.stack(lengths), outside, kept[0])
 

@@ -11,7 +11,7 @@ from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import Result
 from jaxid.axis.simulate import DRAWN, SUBSTEPS, Simulated
-from jaxid.axis.summaries import HalfLength, SimulatedLimit, SimulationSummary
+from jaxid.axis.summaries import SimulatedHalfWidth, SimulatedLimit, SimulationSummary
 from jaxid.identification.assumptions import assumptions
 from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes
@@ -45,7 +45,7 @@ class SimulateResult(Result):
         """Return the content of `simulation.json`."""
         found = self.found
         system = found.axis.system
-        lengths = np.median(found.half_lengths, axis=0), np.max(found.half_lengths, axis=0)
+        lengths = np.median(found.half_widths, axis=0), np.max(found.half_widths, axis=0)
         return SimulationSummary(
             program=PROGRAM,
             axis_sha256=found.axis.digest,
@@ -53,19 +53,19 @@ class SimulateResult(Result):
             plants=found.plants,
             limits={
                 name: SimulatedLimit(
-                    beyond=int(np.sum(worst > 0)), least_margin=-float(np.max(worst))
+                    exceeded_by=int(np.sum(worst > 0)), smallest_margin=-float(np.max(worst))
                 )
                 for name, worst in found.excess.items()
             },
-            logs=len(found.half_lengths),
-            logs_with_a_truth_outside=found.outside,
-            half_length={
-                name: HalfLength(unit=unit, median=float(median), most=float(most))
+            logs=len(found.half_widths),
+            logs_missing_the_truth=found.outside,
+            half_widths={
+                name: SimulatedHalfWidth(unit=unit, median=float(median), largest=float(most))
                 for name, unit, median, most in zip(
                     system.names, system.units, *lengths, strict=True
                 )
             },
-            rests_on=assumptions(system, found.log, delay=found.axis.servo.delay),
+            assumptions=assumptions(system, found.log, delay=found.axis.servo.delay),
         )
 
     def files(self) -> Mapping[str, bytes]:
@@ -75,9 +75,11 @@ class SimulateResult(Result):
     def text(self) -> str:
         """Return the result as text: violated limits, half-widths of intervals, and assumptions."""
         said = self.summary()
-        margins = [(name, one.beyond, one.least_margin) for name, one in said.limits.items()]
-        lengths = [(name, x.unit, x.median, x.most) for name, x in said.half_length.items()]
-        outside = f"outside of them: {said.logs_with_a_truth_outside} truths"
+        margins = [
+            (name, one.exceeded_by, one.smallest_margin) for name, one in said.limits.items()
+        ]
+        lengths = [(name, x.unit, x.median, x.largest) for name, x in said.half_widths.items()]
+        outside = f"outside of them: {said.logs_missing_the_truth} truths"
         title = f"Half of the intervals that {said.logs} logs prove; {outside}"
         return "\n".join(
             (
@@ -85,7 +87,7 @@ class SimulateResult(Result):
                 plots.text_table(("limit", "axes beyond it", "least margin"), margins),
                 plots.text_table(("parameter", "unit", "median", "most"), lengths, title),
                 "They rest on:",
-                *(f"  {sentence}" for sentence in said.rests_on),
+                *(f"  {sentence}" for sentence in said.assumptions),
             )
         )
 

@@ -15,26 +15,26 @@ class DesignedParameter(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         unit: unit of the parameter.
-        interval: prior interval of the parameter, lower and upper end, in the unit.
-        J: worst-case error of least squares of exact signals (16), in the unit.
-        guaranteed: predicted guaranteed error in the unit: that of an undisturbed axis at the
-            centre of its prior box.
-        floor: proved lower bound on the error of any motion within the limits and any estimator, in
-            the unit.
-        gap: relative optimality gap guaranteed / floor − 1.
-        guaranteed_with_delta_times: predicted guaranteed error in the unit if δ were multiplied by
-            a factor, by the factor.
+        prior: prior interval of the parameter, lower and upper end, in the unit.
+        least_squares: worst-case error of least squares of exact signals (16), in the unit.
+        predicted: predicted guaranteed half-width in the unit: that from the log of an undisturbed
+            axis at the centre of its prior box.
+        lower_bound: proved lower bound on the guaranteed half-width of any motion within the limits
+            and any estimator, in the unit.
+        gap: relative optimality gap predicted / lower_bound − 1.
+        predicted_with_delta_times: predicted guaranteed half-width in the unit if δ were multiplied
+            by a factor, by the factor.
         wanted: error that the axis file requires, in the unit; the key is absent if it requires
             none.
     """
 
     unit: str
-    interval: Ends
-    J: Number
-    guaranteed: Number
-    floor: Number
+    prior: Ends
+    least_squares: Number
+    predicted: Number
+    lower_bound: Number
     gap: Number
-    guaranteed_with_delta_times: dict[str, Number]
+    predicted_with_delta_times: dict[str, Number]
     wanted: float | msgspec.UnsetType = msgspec.UNSET
 
 
@@ -51,7 +51,7 @@ class DesignSummary(msgspec.Struct, frozen=True, kw_only=True):
         parameters: evaluation of the motion, by the name of the parameter.
         margins: smallest margin of the exported positions to each limit, in half-widths of the
             limit; velocity and acceleration are those of straight lines between the positions.
-        rests_on: assumptions, in sentences.
+        assumptions: assumptions, in sentences.
     """
 
     program: str
@@ -62,7 +62,7 @@ class DesignSummary(msgspec.Struct, frozen=True, kw_only=True):
     ends_s: float
     parameters: dict[str, DesignedParameter]
     margins: dict[str, float]
-    rests_on: tuple[str, ...]
+    assumptions: tuple[str, ...]
 
 
 class TradeoffRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,19 +73,20 @@ class TradeoffRow(msgspec.Struct, frozen=True, kw_only=True):
         duration_s: duration of the motion without its approach, s.
         parameter: name of the parameter.
         unit: unit of the parameter.
-        J: worst-case error of least squares of exact signals (16), in the unit.
-        guaranteed: predicted guaranteed error, in the unit.
-        floor: proved lower bound on the error of any motion and any estimator, in the unit.
-        gap: relative optimality gap guaranteed / floor − 1.
+        least_squares: worst-case error of least squares of exact signals (16), in the unit.
+        predicted: predicted guaranteed half-width, in the unit.
+        lower_bound: proved lower bound on the guaranteed half-width of any motion within the limits
+            and any estimator, in the unit.
+        gap: relative optimality gap predicted / lower_bound − 1.
     """
 
     target: str
     duration_s: float
     parameter: str
     unit: str
-    J: float
-    guaranteed: float
-    floor: float
+    least_squares: float
+    predicted: float
+    lower_bound: float
     gap: float
 
 
@@ -93,27 +94,27 @@ class SimulatedLimit(msgspec.Struct, frozen=True, kw_only=True):
     """The violation of one limit by simulated random axes.
 
     Attributes:
-        beyond: number of axes that exceeded the limit.
-        least_margin: smallest margin of all axes to the limit, in half-widths of the limit; below
-            zero the limit was exceeded, null if a loop diverged.
+        exceeded_by: number of axes that exceeded the limit.
+        smallest_margin: smallest margin of all axes to the limit, in half-widths of the limit;
+            below zero the limit was exceeded, null if a loop diverged.
     """
 
-    beyond: int
-    least_margin: Number
+    exceeded_by: int
+    smallest_margin: Number
 
 
-class HalfLength(msgspec.Struct, frozen=True, kw_only=True):
+class SimulatedHalfWidth(msgspec.Struct, frozen=True, kw_only=True):
     """The half-widths of the guaranteed intervals of one parameter from simulated logs.
 
     Attributes:
         unit: unit of the parameter.
         median: median over all logs, in the unit.
-        most: largest over all logs, in the unit.
+        largest: largest over all logs, in the unit.
     """
 
     unit: str
     median: Number
-    most: Number
+    largest: Number
 
 
 class SimulationSummary(msgspec.Struct, frozen=True, kw_only=True):
@@ -128,9 +129,9 @@ class SimulationSummary(msgspec.Struct, frozen=True, kw_only=True):
         plants: number of simulated axes.
         limits: violations of each limit: position, velocity, input, input_rate.
         logs: number of axes whose logs were also identified.
-        logs_with_a_truth_outside: number of these logs with a true parameter outside its interval.
-        half_length: half-widths of the intervals from the logs, by the name of the parameter.
-        rests_on: assumptions, in sentences.
+        logs_missing_the_truth: number of these logs with a true parameter outside its interval.
+        half_widths: half-widths of the intervals from the logs, by the name of the parameter.
+        assumptions: assumptions, in sentences.
     """
 
     program: str
@@ -139,39 +140,37 @@ class SimulationSummary(msgspec.Struct, frozen=True, kw_only=True):
     plants: int
     limits: dict[str, SimulatedLimit]
     logs: int
-    logs_with_a_truth_outside: int
-    half_length: dict[str, HalfLength]
-    rests_on: tuple[str, ...]
+    logs_missing_the_truth: int
+    half_widths: dict[str, SimulatedHalfWidth]
+    assumptions: tuple[str, ...]
 
 
 class IdentifiedParameter(msgspec.Struct, frozen=True, kw_only=True):
     """The result of an identification for one parameter.
 
-    The last four keys are absent if the log is inconsistent with the axis.
+    The last three keys are absent if the log is inconsistent with the axis.
 
     Attributes:
         unit: unit of the parameter.
         prior: prior interval in the axis file, lower and upper end, in the unit.
         least_squares: least-squares estimate, in the unit; null if the log does not identify the
             parameters separately.
-        theta_hat: centre estimate of a fixed linear estimator, in the unit.
-        bound: worst-case error of theta_hat, in the unit.
-        guaranteed: intersection of theta_hat ± bound with the prior interval, in the unit; it
-            contains the true value.
-        possible: guaranteed interval that contains all values consistent with the log, in the unit;
-            it lies within guaranteed.
+        guaranteed: interval that contains the true value if the assumptions hold, in the unit: all
+            values that are consistent with the log.
+        theta_hat: estimate by the best fixed weights, in the unit.
+        bound: worst-case error of theta_hat, in the unit; theta_hat ± bound contains the true value
+            too, and nearly always the guaranteed interval, but is wider.
     """
 
     unit: str
     prior: Ends
     least_squares: Number
+    guaranteed: Ends | msgspec.UnsetType = msgspec.UNSET
     theta_hat: float | msgspec.UnsetType = msgspec.UNSET
     bound: float | msgspec.UnsetType = msgspec.UNSET
-    guaranteed: Ends | msgspec.UnsetType = msgspec.UNSET
-    possible: Ends | msgspec.UnsetType = msgspec.UNSET
 
 
-class UsedPiece(msgspec.Struct, frozen=True, kw_only=True):
+class UsedSegment(msgspec.Struct, frozen=True, kw_only=True):
     """A segment of consecutive rows of a log that were used together.
 
     Attributes:
@@ -193,30 +192,30 @@ class IdentificationSummary(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         program: name and version of the program that wrote it.
         consistent: whether the log is not proved to be inconsistent with the axis.
-        contradiction: inconsistency of the log, in a sentence; null if it is consistent.
-        least_factor_of_disturbance_bound: proved lower bound on the factor of δ that the log needs;
+        inconsistency: inconsistency of the log, in a sentence; null if it is consistent.
+        disturbance_factor: proved lower bound on the factor of δ that the log needs;
             null if there is none.
         parameters: result of each parameter, by its name.
-        not_told_apart: parameters that are not identifiable, each with a direction of parameters
+        not_identifiable: parameters that are not identifiable, each with a direction of parameters
             that changes nothing in the log, in their units.
         rows: number of rows of the log.
         rows_used: number of rows that were used.
-        stretches: number of batches in which the log was processed; null for an inconsistent log.
-        ticks_to_a_weight: largest mean number of samples per estimator weight; null for an
+        batches: number of batches in which the log was processed; null for an inconsistent log.
+        samples_per_weight: largest mean number of samples per estimator weight; null for an
             inconsistent log.
-        pieces: segments between gaps, repeated rows and missing numbers.
-        rests_on: assumptions, in sentences.
+        segments: segments between gaps, repeated rows and missing numbers.
+        assumptions: assumptions, in sentences.
     """
 
     program: str
     consistent: bool
-    contradiction: str | None
-    least_factor_of_disturbance_bound: Number
+    inconsistency: str | None
+    disturbance_factor: Number
     parameters: dict[str, IdentifiedParameter]
-    not_told_apart: dict[str, dict[str, float]]
+    not_identifiable: dict[str, dict[str, float]]
     rows: int
     rows_used: int
-    stretches: int | None
-    ticks_to_a_weight: Number
-    pieces: tuple[UsedPiece, ...]
-    rests_on: tuple[str, ...]
+    batches: int | None
+    samples_per_weight: Number
+    segments: tuple[UsedSegment, ...]
+    assumptions: tuple[str, ...]

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxid._checks import require
-from jaxid.axis.design import AxisDesign, appraised, design_axis, in_words, require_possible
+from jaxid.axis.design import AxisDesign, design_axis, evaluated, in_words, require_possible
 from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import write
@@ -79,7 +79,7 @@ def tradeoff(
             part = write(out / place, DesignResult(one), replace=replace)
         else:
             tell(f"{place}: what it is worth")
-            one, part = appraised(longer, target, search, saved.motion, least), saved.part
+            one, part = evaluated(longer, target, search, saved.motion, least), saved.part
         found.append(one)
         results[f"{place}/{DesignResult.name}"] = part.digest
     return Tradeoff(axis, tuple(found), results)

@@ -63,7 +63,9 @@ class TradeoffResult(Result):
     def text(self) -> str:
         """Return the comparison of the motions as a text table."""
         cells = [msgspec.structs.astuple(row) for row in self.summary()]
-        return plots.text_table(_COLUMNS, cells, "What their logs can be expected to prove")
+        return plots.text_table(
+            _COLUMNS, cells, "Predicted guaranteed half-widths, before the data"
+        )
 
 
 def page(found: Tradeoff) -> bytes:
@@ -76,10 +78,10 @@ def page(found: Tradeoff) -> bytes:
         for target, colour in zip(targets, cycle(plots.CYCLE), strict=False):
             own = [one for one in designs if one.target == target]
             time = [duration_of(one.axis) for one in own]
-            error = [float(one.worth.guaranteed[k]) for one in own]
+            error = [float(one.worth.predicted[k]) for one in own]
             panel.plot(time, error, "o-", color=colour, label=f"for {target}")
-        least = float(designs[0].worth.floor[k])
-        panel.axhline(least, color=plots.GREY, linestyle="--", linewidth=1.2, label="floor")
-        plots.label(panel, "duration (s)", f"guaranteed ± ({unit})", name)
+        least = float(designs[0].worth.lower_bound[k])
+        panel.axhline(least, color=plots.GREY, linestyle="--", linewidth=1.2, label="lower bound")
+        plots.label(panel, "duration (s)", f"predicted ± ({unit})", name)
     panels[0].legend(fontsize=10)
     return plots.png(canvas)

@@ -14,20 +14,21 @@ from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.lower_bound import LowerBound
 
 
-class ParameterWorth(NamedTuple):
+class ParameterEvaluation(NamedTuple):
     """The evaluation of a motion for one parameter, in plain numbers for tables and files.
 
     Attributes:
-        J: worst-case error of least squares of exact signals (16), in the unit of the parameter.
-        guaranteed: predicted guaranteed error (half-width), in the unit of the parameter.
-        floor: proved lower bound on the error of any motion and estimator, in the unit of the
+        least_squares: worst-case error of least squares of exact signals (16), in the unit of the
             parameter.
-        gap: relative optimality gap guaranteed / floor − 1.
+        predicted: predicted guaranteed half-width, in the unit of the parameter.
+        lower_bound: proved lower bound on the guaranteed half-width of any motion and estimator, in
+            the unit of the parameter.
+        gap: relative optimality gap predicted / lower_bound − 1.
     """
 
-    J: float
-    guaranteed: float
-    floor: float
+    least_squares: float
+    predicted: float
+    lower_bound: float
     gap: float
 
 
@@ -35,30 +36,31 @@ class Evaluation(NamedTuple):
     """The evaluation of a motion before it is run: arrays of shape (m,), in the parameters' units.
 
     Attributes:
-        error: worst-case error J of least squares of exact signals (16).
-        guaranteed: predicted guaranteed half-width, with servo, encoder and prior box: that from
+        least_squares: worst-case error J of least squares of exact signals (16).
+        predicted: predicted guaranteed half-width, with servo, encoder and prior box: that from
             the log of an undisturbed axis at the centre of the prior box that follows the motion. A
             real log determines the actual one by `jaxid.identify`, which may be larger or smaller.
-        floor: proved lower bound on the error of any motion within the limits and any estimator.
+        lower_bound: proved lower bound on the guaranteed half-width of any motion within the limits
+            and any estimator.
         estimated: names of parameters whose lower bound is an estimate.
     """
 
-    error: Float[Array, " m"]
-    guaranteed: Float[Array, " m"]
-    floor: Float[Array, " m"]
+    least_squares: Float[Array, " m"]
+    predicted: Float[Array, " m"]
+    lower_bound: Float[Array, " m"]
     estimated: tuple[str, ...]
 
     @property
     def gap(self) -> Float[Array, " m"]:
-        """The relative optimality gap guaranteed / floor − 1 of each parameter, shape (m,)."""
-        return self.guaranteed / self.floor - 1
+        """The relative optimality gap predicted / lower_bound − 1 of each parameter, shape (m,)."""
+        return self.predicted / self.lower_bound - 1
 
     @property
-    def by_parameter(self) -> tuple[ParameterWorth, ...]:
-        """The evaluation as one `ParameterWorth` per parameter, in the order of θ."""
-        columns = (self.error, self.guaranteed, self.floor, self.gap)
+    def by_parameter(self) -> tuple[ParameterEvaluation, ...]:
+        """The evaluation as one `ParameterEvaluation` per parameter, in the order of θ."""
+        columns = (self.least_squares, self.predicted, self.lower_bound, self.gap)
         rows = zip(*(column.tolist() for column in columns), strict=True)
-        return tuple(ParameterWorth(*row) for row in rows)
+        return tuple(ParameterEvaluation(*row) for row in rows)
 
 
 def evaluate(
@@ -93,9 +95,9 @@ def evaluate(
     names = system.names
     require(
         least.value.shape == (len(names),),
-        f"Argument `least` must be the floor of the parameters {', '.join(names)} themselves, one "
-        f"number each, but has {least.value.size}.",
+        f"Argument `least` must be the lower bound of each of the parameters {', '.join(names)}, "
+        f"one number each, but has {least.value.size}.",
     )
     found = guaranteed_intervals(system, [nominal_log(system, trajectory, servo)]).estimate
     error = planned_error(system, trajectory)
-    return Evaluation(error, found.half_length, least.value, least.estimated)
+    return Evaluation(error, found.half_widths, least.value, least.estimated)

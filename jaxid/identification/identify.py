@@ -5,13 +5,13 @@ vector of the prior box explains the logs with |Δ| ≤ δ, no interval is retur
 """
 
 from collections.abc import Callable, Sequence
-from math import floor, log10
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import require, require_concrete, require_float64
+from jaxid._text import at_least
 from jaxid.identification.batches import (
     SIZES,
     BatchSizes,
@@ -177,7 +177,7 @@ class _Progress:
             cause = "; an input, a unit or a sign must be wrong" if self.factor == MOST else ""
             raise InconsistentLogError(
                 f"No θ of the prior box explains the logs unless the disturbance bound is at least "
-                f"{rounded_down(self.factor):g}·δ{cause}.",
+                f"{at_least(self.factor)}·δ{cause}.",
                 self.factor,
             )
         if self.refusal is not None:
@@ -234,9 +234,3 @@ class _Progress:
         now = unidentifiable_directions(rows, knots_by_length(knots, logs))
         before = now if self.unidentifiable is None else self.unidentifiable
         self.unidentifiable = {name: now[name] for name in now if name in before}
-
-
-def rounded_down(factor: float) -> float:
-    """Return a number rounded down to three significant digits; a lower bound remains one."""
-    digits = 2 - floor(log10(factor))
-    return floor(factor * 10**digits) / 10**digits

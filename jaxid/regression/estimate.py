@@ -47,19 +47,9 @@ class Estimate(eqx.Module):
         return jnp.minimum(self.theta + self.bound, self.prior_upper)
 
     @property
-    def middle(self) -> Float[Array, " m"]:
-        """The middle of each interval; its distance from θ is at most `half_length`."""
-        return (self.lower + self.upper) / 2
-
-    @property
-    def half_length(self) -> Float[Array, " m"]:
-        """Half the length of each interval: the worst-case error of `middle` for these data."""
+    def half_widths(self) -> Float[Array, " m"]:
+        """Half the width of each interval: the worst-case error of its middle for these data."""
         return (self.upper - self.lower) / 2
-
-    @property
-    def guaranteed(self) -> Float[Array, " m"]:
-        """The largest possible `half_length` before the data: min(bound, half-width of the box)."""
-        return jnp.minimum(self.bound, (self.prior_upper - self.prior_lower) / 2)
 
 
 def estimate(

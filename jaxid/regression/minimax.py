@@ -49,8 +49,8 @@ class Optimum(eqx.Module):
     Attributes:
         error: worst-case error of `weights`, with rounding added, shape (k,), in the units of the
             functionals.
-        floor: lower bound on the worst-case error of every estimator, with rounding subtracted,
-            shape (k,).
+        lower_bound: lower bound on the worst-case error of every estimator, with rounding
+            subtracted, shape (k,).
         weights: weights g of the affine estimators centre + g(u − Φ·centre), shape (k, n).
         dual: parameter deviations ν that prove the lower bounds, shape (k, m): centre + ν and
             centre − ν can produce the same data.
@@ -58,23 +58,18 @@ class Optimum(eqx.Module):
     """
 
     error: Float[Array, " k"]
-    floor: Float[Array, " k"]
+    lower_bound: Float[Array, " k"]
     weights: Float[Array, "k n"]
     dual: Float[Array, "k m"]
     steps: Int[Array, " k"]
-
-    @property
-    def gap(self) -> Float[Array, " k"]:
-        """The relative optimality gap (error − floor)/error of each functional, shape (k,)."""
-        return (self.error - self.floor) / self.error
 
 
 def minimax(rows: Rows, half_widths: Float[Array, " m"], norm: Norm | None = None) -> Optimum:
     """Return the weights of the least worst-case error over all |Δ_k| ≤ δ_k and all θ in the box.
 
-    Even if the search stops early, `error` is that of the weights and `floor` that of a feasible ν.
-    Both have the derivatives of the optimum, with weights and ν as constants (envelope theorem),
-    and no second derivatives:
+    Even if the search stops early, `error` is that of the weights and `lower_bound` that of a
+    feasible ν. Both have the derivatives of the optimum, with weights and ν as constants (envelope
+    theorem), and no second derivatives:
 
         ∂r/∂φ_k = −g_k ν,   ∂r/∂δ_k = |g_k|,   ∂r/∂b_j = |c − Φᵀg|_j,   ∂r/∂c = ν.
 
@@ -105,8 +100,8 @@ def _minimax(rows: Rows, half_widths: Float[Array, " m"], norm: Norm) -> Optimum
     slope = slope - stop_gradient(slope)  # zero, but not its derivative
     error = affine_worst_case_error(weights, *fixed) + _rounding(weights, *fixed)
     parts = fixed[2].functionals * dual
-    floor = jnp.sum(parts, axis=1) - _relative(parts) * jnp.sum(jnp.abs(parts), axis=1)
-    return Optimum(error + slope, floor + slope, weights, dual, steps)
+    least = jnp.sum(parts, axis=1) - _relative(parts) * jnp.sum(jnp.abs(parts), axis=1)
+    return Optimum(error + slope, least + slope, weights, dual, steps)
 
 
 def _lagrangian(
@@ -186,10 +181,10 @@ class _Dual(NamedTuple):
     """A z within its bounds."""
 
     z: Float[Array, " m"]
-    floor: Scalar
+    lower_bound: Scalar
 
     def or_better(self, other: "_Dual") -> "_Dual":
-        return _chosen(other.floor > self.floor, other, self)
+        return _chosen(other.lower_bound > self.lower_bound, other, self)
 
 
 def _chosen(condition: Bool[Array, ""], new: Tree, old: Tree) -> Tree:
@@ -241,7 +236,7 @@ def _exchange(
             primal,
             dual,
             state.steps + 1,
-            (primal.error - dual.floor > _GAP * primal.error)
+            (primal.error - dual.lower_bound > _GAP * primal.error)
             & jnp.isfinite(excess)
             & (~optimal | (tilt > 1e-6 * _TILT)),
         )

@@ -1,0 +1,28 @@
+"""What is printed of a bound holds as well as the bound."""
+
+from fractions import Fraction
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jaxid._text import at_least, at_most, between
+
+numbers = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12)
+digits = st.integers(1, 8)
+
+
+@given(numbers, digits)
+def test_a_printed_bound_is_on_its_side_and_near(value, count):
+    low, high = Fraction(at_least(value, count)), Fraction(at_most(value, count))
+    assert low <= Fraction(value) <= high
+    assert high - low <= abs(Fraction(value)) / 10 ** (count - 1)
+
+
+def test_what_few_digits_say_is_said_with_few():
+    assert at_least(1.2399) == "1.23"
+    assert at_least(0.0129999) == "0.0129"
+    assert at_least(1.0) == at_most(1.0) == "1"
+    assert at_least(-1e-7, 1) == "-1e-07"
+    assert at_least(1000.0) == "1000"
+    assert between(-0.123456, 0.123454) == "-0.12346 … 0.12346"
+    assert between(0.0, 0.5) == "0 … 0.5"
