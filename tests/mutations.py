@@ -310,15 +310,15 @@ OF_BRACKETS_OF_A_LOG = (
     Mutation(
         "the newest acceleration of a window left out",
         BRACKETS,
-        "gain + total + 0.5 * newest",
-        "gain + total",
+        "self.gain + self.total + 0.5 * newest",
+        "self.gain + self.total",
         WINDOWS,
     ),
     Mutation(
         "the older accelerations of a window left out",
         BRACKETS,
-        "gain + total + 0.5 * newest",
-        "gain + 0.5 * newest",
+        "self.gain + self.total + 0.5 * newest",
+        "self.gain + 0.5 * newest",
         WINDOWS,
     ),
     Mutation(

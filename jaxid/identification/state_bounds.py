@@ -5,7 +5,6 @@ inputs, and on positions that are known to half a count. Nothing is assumed of t
 limits of a reference do not bound the motion of the axis.
 """
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -153,18 +152,38 @@ def accelerations(system: System, input: Range, position: Range, velocity: Range
     return (input - (taken + around(delta))) / inertia
 
 
-def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples"]) -> Range:
-    """Velocities at the n + 1 samples from mean ones over windows of many lengths.
+class _Sums(NamedTuple):
+    """Weighted sums of the accelerations of the p samples on one side of each of n + 1 samples.
 
-    Over the p ticks after t_k the mean velocity is v_k + h·Σ_i (p − i − ½)/p·a_{k+i} with each a
-    somewhere in its range, and so on for the p ticks before it and for both together.
+    Attributes:
+        total: Σ_i a_i.
+        gain: Σ_i (p − i − ½)·a_i, with i = 0 for the acceleration next to the sample.
+    """
+
+    total: Range
+    gain: Range
+
+    def with_next(self, newest: Range) -> "_Sums":
+        """Return the sums over one acceleration more, that of the sample period farthest away."""
+        return _Sums(self.total + newest, self.gain + self.total + 0.5 * newest)
+
+
+def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples"]) -> Range:
+    """Return the velocities at the n + 1 samples from mean ones over windows of many lengths.
+
+    Over the p sample periods after t_k the mean velocity is v_k + h·Σ_i (p − i − ½)/p·a_{k+i} with
+    each a somewhere in its range, and so on for the p periods before it and for both together.
     """
     h, y, count = log.period, log.position, log.position.size
-    found = around(jnp.full(count, jnp.inf))
-    both = zip(_gains(acceleration, count, 1), _gains(acceleration, count, -1), strict=True)
-    for p, (after, before) in enumerate(both, start=1):
-        later, sooner = _shifted(y, p, count, 0.0), _shifted(y, -p, count, 0.0)
-        past, future = (_shifted(reading, by, count, 0.0) for by in (-p, p))
+
+    def with_window(index: Array, state: tuple[Range, _Sums, _Sums]) -> tuple[Range, _Sums, _Sums]:
+        found, after_it, before_it = state
+        after_it = after_it.with_next(_accelerations(acceleration, index, count))
+        before_it = before_it.with_next(_accelerations(acceleration, -index - 1, count))
+        p = jnp.asarray(index + 1, y.dtype)
+        after, before = 1 / p * after_it.gain, 1 / p * before_it.gain
+        later, sooner = (_shifted(y, by, count, 0.0) for by in (index + 1, -index - 1))
+        future, past = (_shifted(reading, by, count, 0.0) for by in (index + 1, -index - 1))
         gained = h / 2 * before - h / 2 * after
         for mean, error, moved in (
             ((later - y) / (p * h), (future + reading) / (p * h), -h * after),
@@ -172,29 +191,26 @@ def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples
             ((later - sooner) / (2 * p * h), (future + past) / (2 * p * h), gained),
         ):
             found = found & (mean + (around(error) + moved))
-    return found
+        return found, after_it, before_it
+
+    # a loop and not a copy for each length, which compile twice as long
+    none = _Sums(*[exactly(jnp.zeros(count))] * 2)
+    first = around(jnp.full(count, jnp.inf)), none, none
+    return jax.lax.fori_loop(0, _WINDOW, with_window, first)[0]
 
 
-def _gains(acceleration: Range, count: int, side: int) -> Iterator[Range]:
-    """Σ_i (p − i − ½)/p·a_i over the p ticks after (side 1) or before (−1) each sample, by p."""
-    total = gain = exactly(jnp.zeros(count))
-    for p in range(1, _WINDOW + 1):
-        by = p - 1 if side > 0 else -p
-        newest = Range(
-            _shifted(acceleration.lower, by, count, -jnp.inf),
-            _shifted(acceleration.upper, by, count, jnp.inf),
-        )
-        gain = gain + total + 0.5 * newest
-        total = total + newest
-        yield 1 / p * gain
+def _accelerations(acceleration: Range, by: Array, count: int) -> Range:
+    """Return the accelerations `by` periods later than each sample; unbounded beyond the log."""
+    return Range(
+        _shifted(acceleration.lower, by, count, -jnp.inf),
+        _shifted(acceleration.upper, by, count, jnp.inf),
+    )
 
 
-def _shifted(x: Float[Array, " k"], by: int, count: int, beyond: float) -> Float[Array, " count"]:
-    """x_{l+by} for l = 0 … count − 1."""
-    before = min(max(-by, 0), count)
-    inside = x[max(by, 0) : max(count + by, 0)]
-    after = count - before - inside.size
-    return jnp.pad(inside, (before, after), constant_values=beyond)
+def _shifted(x: Float[Array, " k"], by: Array, count: int, beyond: float) -> Float[Array, " count"]:
+    """Return x_{l+by} for l = 0 … count − 1, with |by| at most the longest window."""
+    padded = jnp.pad(x, (_WINDOW, _WINDOW + 1), constant_values=beyond)
+    return jax.lax.dynamic_slice_in_dim(padded, _WINDOW + by, count)
 
 
 def _swept(at_samples: Range, acceleration: Range, h: Scalar) -> Range:
