@@ -169,7 +169,7 @@ def test_of_two_logs_for_one_folder_one_is_kept_and_told(identified, monkeypatch
     assert stopped.value.code == 1
     said = capsys.readouterr()
     assert re.search(r"run/result.json, .* would be replaced: .*another run was quicker", said.err)
-    assert said.out.count("This rests on:") == 2  # what took long is told all the same
+    assert said.out.count("hold provided that:") == 2  # what took long is told all the same
     assert said.out.count("Written to") == 1
     monkeypatch.setattr(cli, "identify_axis", once)
     cli.main([*arguments, "--force"])
@@ -211,7 +211,7 @@ def test_the_files_are_what_their_structures_say(designs, identified, tmp_path):
     tradeoff = TradeoffResult(Tradeoff(axis, (found[0.6],), {}))
     (tmp_path / "tradeoff.csv").write_bytes(tradeoff.files()["tradeoff.csv"])
     for row in read_table(tmp_path / "tradeoff.csv"):
-        for name in ("J", "guaranteed", "floor", "gap"):
+        for name in ("least_squares", "predicted", "lower_bound", "gap"):
             assert float(row[name]) == numbers[row["parameter"]][name]
     structures = inspect.getmembers(summaries, inspect.isclass)
     structures = [x for _, x in structures if issubclass(x, msgspec.Struct)]

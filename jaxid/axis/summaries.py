@@ -193,8 +193,8 @@ class IdentificationSummary(msgspec.Struct, frozen=True, kw_only=True):
         program: name and version of the program that wrote it.
         consistent: whether the log is not proved to be inconsistent with the axis.
         inconsistency: inconsistency of the log, in a sentence; null if it is consistent.
-        disturbance_factor: proved lower bound on the factor of δ that the log needs;
-            null if there is none.
+        disturbance_factor: proved lower bound on the factor of δ that the log needs; null if there
+            is none.
         parameters: result of each parameter, by its name.
         not_identifiable: parameters that are not identifiable, each with a direction of parameters
             that changes nothing in the log, in their units.

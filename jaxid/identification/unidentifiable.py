@@ -20,9 +20,8 @@ def unidentifiable_directions(
 
     Returns:
         For each parameter whose prior interval may not be narrowed at all, its name and the
-            simplest
-        direction ν, shape (m,): centre + ν and centre − ν explain the same data and span this
-        interval.
+        simplest direction ν, shape (m,): centre + ν and centre − ν explain the same data and span
+        this interval.
     """
     program, _ = program_of(logged, knots)
     found = {name: _unseen(program, k) for k, name in enumerate(logged.system.names)}
