@@ -28,6 +28,7 @@ def as_array(name: str) -> Callable[[Any], Array]:
     """
 
     def convert(values: Any) -> Array:
+        """Return numbers in any form as an array of floats."""
         try:
             found = _known_or_traced(lambda: jnp.asarray(values), values)
         except (TypeError, ValueError, DeprecationWarning):
@@ -50,6 +51,7 @@ def as_known(name: str) -> Callable[[Any], float]:
     """
 
     def convert(value: Any) -> float:
+        """Return a value that no transformation traces as a number."""
         require_concrete("what depends on it", "Give it as a number.", **{name: value})
         try:
             return float(value)

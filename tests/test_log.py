@@ -106,7 +106,7 @@ def test_a_log_that_nothing_can_have_left_is_refused(motion):
     theta = jnp.asarray(motor.TRUE_PARAMETERS)
     log, _ = experiment(motor, motion, theta, NoDisturbance(), Q, H, ticks)
     jumped = eqx.tree_at(lambda x: x.position, log, log.position.at[700].add(1e-4))
-    with pytest.raises(ValueError, match=r"`log`: no plant .* contradict each other around tick"):
+    with pytest.raises(ValueError, match=r"`log`: no axis .* contradict each other around sample"):
         state_bounds(motor.system(), jumped)
     pushed = eqx.tree_at(lambda x: x.input, log, log.input + 0.9)
     with pytest.raises(ValueError, match="`logs`: they are inconsistent with the system"):

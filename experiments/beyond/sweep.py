@@ -43,7 +43,7 @@ class Sweep:
         motions: the folder with the trajectories of the study.
         seed: of the random parameters and disturbances.
         redraw: draw the sweep.nc in `out` again instead of computing it.
-        toy: sweep hardly anything: only shows that everything runs.
+        toy: a few closed loops only, to show that everything runs.
         devices: how many blocks this process computes at once; default one per processor.
         coordinator: host:port, a free port of process 0: for several processes without Slurm.
         processes: how many processes share the work, all with one `out`; Slurm knows by itself.

@@ -111,9 +111,9 @@ class DesignResult(Result):
             header.append("wanted")
             columns.append([None if np.isinf(x) else x for x in wanted])
         rows = list(zip(system.names, system.units, *columns, strict=True))
-        left = ", ".join(f"{name} {x:.2%}" for name, x in self.margins.items())
-        title = "What its log can be expected to prove"
-        return f"{plots.text_table(header, rows, title)}\nLeft of the limits: {left}"
+        margins = ", ".join(f"{name} {x:.2%}" for name, x in self.margins.items())
+        table = plots.text_table(header, rows, "Predicted guaranteed half-widths, before the data")
+        return f"{table}\nMargin to the limits, relative to half their range: {margins}"
 
 
 def _parameter(found: AxisDesign, k: int) -> DesignedParameter:

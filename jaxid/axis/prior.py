@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxid._checks import require
+from jaxid._text import at_least, at_most
 from jaxid.axis.file import Axis
 from jaxid.identification.batches import knots_by_length
 from jaxid.identification.falsification import MOST, smallest_disturbance_factor
@@ -30,10 +31,11 @@ MARGIN = 1.25
 _KNOTS = 6000  # of all logs together: with fewer, δ is underestimated
 RULE = (
     f"Each interval is the least-squares estimate, plus and minus {_SHARE:.0%} of it, or what a "
-    "disturbance as large as the largest rest of the fit can shift it by, if that is more; inertia "
-    "stays above a tenth of its estimate, friction above zero.",
+    "disturbance as large as the largest residual can shift it by, if that is more; inertia stays "
+    "above a tenth of its estimate, friction above zero.",
     f"δ is {MARGIN:g} times the smallest one with which some θ of that box explains the log.",
-    "This is a proposal: whether something the log did not show can be larger, you have to know.",
+    "This is a heuristic, not a guarantee: only you can judge whether disturbances larger than "
+    "those in this log occur.",
 )
 
 
@@ -57,12 +59,16 @@ class Proposal(NamedTuple):
     def text(self) -> str:
         """Return the proposal as text: a table of intervals, δ, and the rule."""
         system = self.axis.system
-        numbers = (x.tolist() for x in (self.theta, self.lower, self.upper))
-        rows = list(zip(system.names, system.units, *numbers, strict=True))
+        rows = [
+            (name, unit, theta, at_least(low, 4), at_most(high, 4))
+            for name, unit, theta, low, high in zip(
+                system.names, system.units, self.theta.tolist(), self.lower, self.upper, strict=True
+            )
+        ]
         return "\n".join(
             (
                 text_table(("parameter", "unit", "least squares", "from", "to"), rows),
-                f"δ: level = {self.delta:.4g} {system.input_unit}",
+                f"δ: level = {at_most(self.delta, 4)} {system.input_unit}",
                 "The rule:",
                 *(f"  {sentence}" for sentence in RULE),
             )
@@ -89,7 +95,8 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
     require(
         found.theta[0] > 0,
         f"Argument `recorded`: least squares find {system.names[0]} = {found.theta[0]:.4g} "
-        f"{system.units[0]}, which no inertia is; the sign of an input or of a position is wrong.",
+        f"{system.units[0]}, but an inertia must be positive: check the signs of input and "
+        "position.",
     )
     half = np.maximum(_SHARE * np.abs(found.theta), found.shift)
     lower, upper = found.theta - half, found.theta + half
@@ -98,8 +105,8 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
     for name, unit, low, high in zip(system.names, system.units, lower, upper, strict=True):
         require(
             low < high,
-            f"Argument `recorded`: by least squares {name} is {high:.4g} {unit} at most, which no "
-            "friction is; a term of the axis is missing, or a sign is wrong.",
+            f"Argument `recorded`: least squares find {name} to be at most {high:.4g} {unit}, but "
+            "a friction must be positive: a term of the axis may be missing, or a sign wrong.",
         )
     known = system.with_box(jnp.asarray(lower), jnp.asarray(upper))
     delta = MARGIN * _smallest(known, logs, found.residual)
@@ -116,14 +123,14 @@ def _least(term: Term, k: int, estimate: float) -> float:
     return 0.0 if isinstance(regressor, Viscous | Coulomb | Sign) else -np.inf
 
 
-def _smallest(system: System, logs: list[Log], rest: Float[np.ndarray, " k"]) -> float:
+def _smallest(system: System, logs: list[Log], residual: Float[np.ndarray, " k"]) -> float:
     """Return the smallest constant δ that may explain the logs."""
-    level = float(np.sqrt(np.mean(rest**2))) or 1.0
+    level = float(np.sqrt(np.mean(residual**2))) or 1.0
     unit = system.with_disturbance_bound(ConstantBound(level))
     factor = smallest_disturbance_factor(unit, logs, knots_by_length(_KNOTS, logs))
     require(
         factor < MOST,
-        f"Argument `recorded`: not even {MOST:g} times the rest of least squares explains it as a "
-        "disturbance; an input, a unit or a sign must be wrong.",
+        f"Argument `recorded`: no δ up to {MOST:g} times the RMS residual of least squares "
+        "explains it; check units, signs, the delay and the terms of the axis.",
     )
     return level * factor

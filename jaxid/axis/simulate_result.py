@@ -79,14 +79,17 @@ class SimulateResult(Result):
             (name, one.exceeded_by, one.smallest_margin) for name, one in said.limits.items()
         ]
         lengths = [(name, x.unit, x.median, x.largest) for name, x in said.half_widths.items()]
-        outside = f"outside of them: {said.logs_missing_the_truth} truths"
-        title = f"Half of the intervals that {said.logs} logs prove; {outside}"
+        title = (
+            f"Half-widths of the intervals from {said.logs} simulated logs; "
+            f"{said.logs_missing_the_truth} of the logs have a true value outside its interval."
+        )
         return "\n".join(
             (
-                f"{said.plants} axes, seed {said.seed}: evidence, no proof",
-                plots.text_table(("limit", "axes beyond it", "least margin"), margins),
-                plots.text_table(("parameter", "unit", "median", "most"), lengths, title),
-                "They rest on:",
+                f"Monte Carlo check, {said.plants} axes, seed {said.seed}: evidence, not a proof.",
+                "Margins are relative to half the range of the limit; below zero it is exceeded.",
+                plots.text_table(("limit", "axes that exceed it", "smallest margin"), margins),
+                plots.text_table(("parameter", "unit", "median", "largest"), lengths, title),
+                "These intervals hold provided that:",
                 *(f"  {sentence}" for sentence in said.assumptions),
             )
         )

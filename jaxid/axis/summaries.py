@@ -104,7 +104,9 @@ class SimulatedLimit(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SimulatedHalfWidth(msgspec.Struct, frozen=True, kw_only=True):
-    """The half-widths of the guaranteed intervals of one parameter from simulated logs.
+    """The half-widths of the intervals θ̂ ± bound of one parameter from simulated logs.
+
+    They lie in the prior box. An identification of the same log guarantees no wider interval.
 
     Attributes:
         unit: unit of the parameter.
@@ -158,8 +160,8 @@ class IdentifiedParameter(msgspec.Struct, frozen=True, kw_only=True):
         guaranteed: interval that contains the true value if the assumptions hold, in the unit: all
             values that are consistent with the log.
         theta_hat: estimate by the best fixed weights, in the unit.
-        bound: worst-case error of theta_hat, in the unit; theta_hat ± bound contains the true value
-            too, and nearly always the guaranteed interval, but is wider.
+        bound: worst-case error of theta_hat, in the unit; theta_hat ± bound contains the guaranteed
+            interval.
     """
 
     unit: str

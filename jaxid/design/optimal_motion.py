@@ -59,7 +59,7 @@ def optimal_motion(
         ValueError: if an argument is invalid; the message names it.
 
     Example:
-        >>> effort = jd.Effort(newton_rounds=0, programs=2)  # hardly any: only an example
+        >>> effort = jd.Effort(newton_rounds=0, programs=2)  # a short search, as an example
         >>> better = jd.optimal_motion(task, criterion, motion, effort=effort)
         >>> round(float(jnp.exp(better.value)), 2)  # kg; it was 1.25
         1.12

@@ -57,14 +57,14 @@ def state_bounds(system: System, log: Log) -> StateBounds:
         require(
             bool(jnp.all(jnp.isfinite(found.velocity.upper))),
             f"Argument `log`: its period of {float(log.period):g} s is too long to bound a "
-            "velocity from the box: the axis could accelerate without limit within a tick.",
+            "velocity from the prior box: the axis could accelerate without limit within it.",
         )
         room = jnp.where(log.took_place(), found.velocity.half_width, jnp.inf)
         tick = int(jnp.argmin(room))
         require(
             float(room[tick]) >= 0,
-            "Argument `log`: no plant within the box and δ can have left it; its positions and "
-            f"inputs contradict each other around tick {tick}.",
+            "Argument `log`: no axis with θ in the prior box and |Δ| ≤ δ can have produced it; its "
+            f"positions and inputs contradict each other around sample {tick}.",
             InconsistentLogError,
         )
     return found
@@ -177,6 +177,7 @@ def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples
     h, y, count = log.period, log.position, log.position.size
 
     def with_window(index: Array, state: tuple[Range, _Sums, _Sums]) -> tuple[Range, _Sums, _Sums]:
+        """Return the velocities, narrowed by windows of index + 1 periods, and longer sums."""
         found, after_it, before_it = state
         after_it = after_it.with_next(_accelerations(acceleration, index, count))
         before_it = before_it.with_next(_accelerations(acceleration, -index - 1, count))
@@ -194,8 +195,9 @@ def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples
         return found, after_it, before_it
 
     # a loop and not a copy for each length, which compile twice as long
-    none = _Sums(*[exactly(jnp.zeros(count))] * 2)
-    first = around(jnp.full(count, jnp.inf)), none, none
+    zero = exactly(jnp.zeros(count))
+    empty = _Sums(total=zero, gain=zero)
+    first = around(jnp.full(count, jnp.inf)), empty, empty
     return jax.lax.fori_loop(0, _WINDOW, with_window, first)[0]
 
 

@@ -172,7 +172,7 @@ def item(grid: Grid, index: Int[Array, ""]) -> dict[str, Array]:
 
 def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[str, Array]:
     def one(w: Scalar) -> dict[str, Array]:
-        """By one bandwidth."""
+        """Return bound, error and misses of least squares with one bandwidth of the filter."""
         estimate = least_squares_estimate(filtered(record, w, grid.period), grid.system)
         error = jnp.abs(estimate.theta - theta)
         # tolerance for rounding of θ̂
