@@ -100,6 +100,18 @@ def test_its_slope_is_that_of_the_least_error(start, key, law, largest):
 
 
 @LAWS
+@pytest.mark.parametrize("smoothing", [0.0, 0.003])
+def test_in_stages_it_has_the_same_value_and_slope_as_in_one_traced_function(start, law, smoothing):
+    """The linear programs may choose other weights of the same error: 3e-6 was seen."""
+    objective, at = made(start, law), jnp.asarray(smoothing)
+    traced = jax.value_and_grad(lambda j: objective(eqx.tree_at(lambda t: t.jerk, start, j), at))
+    value, slope = traced(start.jerk)
+    staged = objective.value_and_slope(start, at)
+    assert float(staged[0]) == pytest.approx(float(value), abs=1e-5)
+    np.testing.assert_allclose(staged[1], slope, rtol=0, atol=1e-3 * float(jnp.max(abs(slope))))
+
+
+@LAWS
 def test_a_polish_for_it_improves_what_the_log_would_prove(start, law):
     problem = Problem(made(start, law), motor.limits(), motor.boundary())
     found = refined(problem, interior_motion(problem, 60, motor.KNOT_PERIOD), start, 10)

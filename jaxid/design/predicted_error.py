@@ -5,7 +5,7 @@ JAX. By the envelope theorem, the gradient of the least error is that of its Lag
 and multipliers held fixed, so that neither needs a derivative.
 """
 
-from typing import Any
+import functools
 
 import equinox as eqx
 import jax
@@ -17,25 +17,30 @@ from jaxtyping import Array, Float
 from jaxid._checks import is_concrete, require, require_at_least_zero
 from jaxid._types import Scalar, as_array
 from jaxid.design.criteria import Criterion, LeastSquaresError
-from jaxid.design.nominal_log import NominalLog, nominal_log, nominal_log_model
+from jaxid.design.nominal_log import NominalLog, States, nominal_log, nominal_log_model
 from jaxid.identification.intervals import guaranteed_intervals, narrowed
 from jaxid.identification.modulating_functions import optimal, pieces
 from jaxid.identification.regression_rows import RegressionRows, hats
 from jaxid.identification.state_bounds import StateBounds, state_bounds
 from jaxid.loop.controllers import Controller
+from jaxid.loop.log import Log
 from jaxid.loop.servo import Servo
 from jaxid.model.disturbance_bound import NearbyVelocityBound
 from jaxid.model.system import System, smoothed
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.worst_case import affine_worst_case_error, bias, infinity
+from jaxid.search.problem import StagedObjective
 
 # rounding of the maximum over parameters, in units of the smoothing of jumps: with less of it, a
 # refinement would stall where the errors of two parameters are equal
 _CORNER = 30.0
 
 
-class GuaranteedError(eqx.Module):
+Weights = tuple[Float[Array, "m rows"], Float[Array, "m m"]]
+
+
+class GuaranteedError(StagedObjective):
     """The log of the largest predicted guaranteed error, relative to the target of each parameter.
 
     Attributes:
@@ -69,13 +74,7 @@ class GuaranteedError(eqx.Module):
 
         With smoothing, jumps are spread and the maximum is rounded upwards.
         """
-        errors = self.errors(trajectory, smoothing)
-        if not self.largest:
-            return jnp.log(jnp.sum(errors / self.targets))
-        logs = jnp.log(errors) - jnp.log(self.targets)  # errors / inf = 0: its log has no gradient
-        corner = jnp.where(smoothing > 0, _CORNER * smoothing, 1.0)
-        rounded = corner * jax.scipy.special.logsumexp(logs / corner)
-        return jnp.where(smoothing > 0, rounded, jnp.max(logs))
+        return self._relative(self.errors(trajectory, smoothing), smoothing)
 
     def errors(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Float[Array, " m"]:
         """Return the predicted guaranteed error of each parameter, with its gradient, shape (m,).
@@ -88,10 +87,58 @@ class GuaranteedError(eqx.Module):
             trajectory: motion.
             smoothing: smoothing parameter; 0 for the exact value.
         """
-        logged = self._logged(trajectory, smoothing)
-        half_widths = self.system.half_widths
-        weights, dual = self._weights(stop_gradient(logged))
-        rows = logged.record.rows
+        log, states = self.log_model(trajectory)
+        bounds = stop_gradient(state_bounds(self.narrow, stop_gradient(log)))
+        logged = self._rows(log, states, bounds, smoothing)
+        data = stop_gradient(self._program(logged))
+        m, n = len(self.system.names), logged.record.rows.delta.size
+        shapes = jnp.zeros((m, n)), jnp.zeros((m, m))
+        solve = functools.partial(_weights, self.knots)
+        weights = jax.pure_callback(solve, shapes, *data, vmap_method="sequential")
+        return self._errors(logged, *weights)
+
+    def value_and_slope(
+        self, trajectory: JerkTrajectory, smoothing: Scalar
+    ) -> tuple[Scalar, Float[Array, " n"]]:
+        """Return the same value, and its gradient by the jerk of a motion that is not traced.
+
+        The linear programs run between two compiled functions instead of inside one: a compiled
+        function that calls back to Python cannot be kept in a compilation cache.
+        """
+        log, states = _modelled(self.log_model, trajectory)
+        bounds = state_bounds(self.narrow, log)
+        weights, dual = _weights(self.knots, *_program(self, log, states, bounds, smoothing))
+        found = jnp.asarray(weights), jnp.asarray(dual)
+        return _value_and_slope(self, trajectory, smoothing, bounds, found)
+
+    def given(
+        self, trajectory: JerkTrajectory, smoothing: Scalar, bounds: StateBounds, weights: Weights
+    ) -> Scalar:
+        """Return the value for given state bounds and weights, as if neither had a gradient.
+
+        Args:
+            trajectory: motion.
+            smoothing: smoothing parameter; 0 for the exact value.
+            bounds: bounds of the states during the predicted log of this motion.
+            weights: optimal weights of this log, and the multipliers of their linear programs.
+        """
+        logged = self._rows(*self.log_model(trajectory), bounds, smoothing)
+        return self._relative(self._errors(logged, *weights), smoothing)
+
+    def _relative(self, errors: Float[Array, " m"], smoothing: Scalar) -> Scalar:
+        """Return the log of the largest of the relative errors, or of their sum."""
+        if not self.largest:
+            return jnp.log(jnp.sum(errors / self.targets))
+        logs = jnp.log(errors) - jnp.log(self.targets)  # errors / inf = 0: its log has no gradient
+        corner = jnp.where(smoothing > 0, _CORNER * smoothing, 1.0)
+        rounded = corner * jax.scipy.special.logsumexp(logs / corner)
+        return jnp.where(smoothing > 0, rounded, jnp.max(logs))
+
+    def _errors(
+        self, logged: RegressionRows, weights: Float[Array, "m n"], dual: Float[Array, "m m"]
+    ) -> Float[Array, " m"]:
+        """Return the error of each parameter by given weights, with the Lagrangian's gradient."""
+        rows, half_widths = logged.record.rows, self.system.half_widths
         slope = (
             jnp.abs(weights) @ rows.delta
             + logged.shared(weights)
@@ -100,32 +147,53 @@ class GuaranteedError(eqx.Module):
         exact = affine_worst_case_error(weights, rows, half_widths) + logged.shared(weights)
         return stop_gradient(exact - slope) + slope
 
-    def _logged(self, trajectory: JerkTrajectory, smoothing: Scalar) -> RegressionRows:
-        log, states = self.log_model(trajectory)
-        found = stop_gradient(state_bounds(self.narrow, stop_gradient(log)))
+    def _rows(
+        self, log: Log, states: States, bounds: StateBounds, smoothing: Scalar
+    ) -> RegressionRows:
+        """Return the regression rows of the predicted log."""
         # ranges of fixed width whose midpoints have the gradient of the states
-        y, v, a = (x + (at - stop_gradient(at)) for x, at in zip(found[:3], states, strict=True))
-        found = StateBounds(y, v, a, found.reading)
+        y, v, a = (x + (at - stop_gradient(at)) for x, at in zip(bounds[:3], states, strict=True))
         step = jnp.abs(states.acceleration) * log.period / 2
         blend = jnp.where(smoothing > 0, smoothing * self.speed + step, 0.0)
-        return hats(smoothed(self.narrow, blend), log, found)
+        return hats(smoothed(self.narrow, blend), log, StateBounds(y, v, a, bounds.reading))
 
-    def _weights(self, logged: RegressionRows) -> tuple[Float[Array, "m n"], Float[Array, "m m"]]:
-        rows = logged.record.rows
-        m, n = len(rows.columns), rows.delta.size
-        shapes = (
-            jax.ShapeDtypeStruct((m, n), rows.delta.dtype),
-            jax.ShapeDtypeStruct((m, m), rows.delta.dtype),
-        )
-        noise = logged.channels["quantised ÿ"].bound
-        box = self.system.half_widths
+    def _program(self, logged: RegressionRows) -> tuple[Array, ...]:
+        """Return what the linear programs need: regressors, δ, measure, noise, half-widths."""
+        rows, noise = logged.record.rows, logged.channels["quantised ÿ"].bound
+        return rows.regressors, rows.delta, rows.measure, noise, self.system.half_widths
 
-        def solve(*arrays: Any) -> tuple[np.ndarray, np.ndarray]:
-            phi, delta, measure, noise, box = map(np.asarray, arrays)
-            return optimal(phi, delta, noise, box, np.eye(m), self.knots, pieces(measure))
 
-        arrays = rows.regressors, rows.delta, rows.measure, noise, box
-        return jax.pure_callback(solve, shapes, *arrays, vmap_method="sequential")
+def _weights(knots: int, *data: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Return the optimal weights, and the multipliers of their linear programs."""
+    phi, delta, measure, noise, box = map(np.asarray, data)
+    return optimal(phi, delta, noise, box, np.eye(box.size), knots, pieces(measure))
+
+
+@eqx.filter_jit
+def _modelled(model: NominalLog, trajectory: JerkTrajectory) -> tuple[Log, States]:
+    return model(trajectory)
+
+
+@eqx.filter_jit
+def _program(
+    error: GuaranteedError, log: Log, states: States, bounds: StateBounds, smoothing: Scalar
+) -> tuple[Array, ...]:
+    return error._program(error._rows(log, states, bounds, smoothing))
+
+
+@eqx.filter_jit
+def _value_and_slope(
+    error: GuaranteedError,
+    trajectory: JerkTrajectory,
+    smoothing: Scalar,
+    bounds: StateBounds,
+    weights: Weights,
+) -> tuple[Scalar, Float[Array, " n"]]:
+    def value(jerk: Float[Array, " n"]) -> Scalar:
+        motion = eqx.tree_at(lambda t: t.jerk, trajectory, jerk)
+        return error.given(motion, smoothing, bounds, weights)
+
+    return jax.value_and_grad(value)(trajectory.jerk)
 
 
 def require_targets(system: System, targets: Float[Array, "..."]) -> None:

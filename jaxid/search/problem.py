@@ -1,5 +1,6 @@
 """The optimisation problem (16): minimise a function of a motion under limits and via points."""
 
+import abc
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -8,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxid._checks import is_concrete
 from jaxid._types import Scalar
 from jaxid.motion.limits import Boundary, Limits
 from jaxid.motion.task import Task
@@ -19,6 +21,34 @@ Report = Callable[[str], None]
 Show = Callable[[JerkTrajectory], None]
 _MERIT_PENALTY = 100.0  # that of the last stage of a descent
 Multipliers = tuple[Float[Array, "..."], ...]
+
+
+class StagedObjective(eqx.Module):
+    """Base class of objectives that need a program outside JAX, such as a linear program.
+
+    Traced, `__call__` needs a callback, and JAX does not keep a compiled function with a callback
+    in its compilation cache. `value_and_slope` needs none: it works in stages, each compiled.
+    """
+
+    @abc.abstractmethod
+    def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
+        """Return the objective, differentiable by JAX.
+
+        Args:
+            trajectory: motion.
+            smoothing: smoothing parameter; 0 for the exact value.
+        """
+
+    @abc.abstractmethod
+    def value_and_slope(
+        self, trajectory: JerkTrajectory, smoothing: Scalar
+    ) -> tuple[Scalar, Float[Array, " n"]]:
+        """Return the same value, and its gradient by the jerk of a motion that is not traced.
+
+        Args:
+            trajectory: motion.
+            smoothing: smoothing parameter; 0 for the exact value.
+        """
 
 
 class Design(NamedTuple):
@@ -79,10 +109,27 @@ class Problem(eqx.Module):
             worst = jnp.maximum(worst, jnp.max(jnp.stack([jnp.max(side) for side in sides])))
         return worst
 
-    @eqx.filter_jit
     def value(self, trajectory: JerkTrajectory) -> Scalar:
         """Return the objective of a motion without smoothing; inf where it is NaN."""
-        return jnp.nan_to_num(self.objective(trajectory, jnp.zeros(())), nan=jnp.inf)
+        if isinstance(self.objective, StagedObjective) and is_concrete(trajectory):
+            found = self.objective.value_and_slope(trajectory, jnp.zeros(()))[0]
+        else:
+            found = _exact(self.objective, trajectory)
+        return jnp.nan_to_num(found, nan=jnp.inf)
+
+    def value_and_slope(
+        self, trajectory: JerkTrajectory, smoothing: float
+    ) -> tuple[Scalar, Float[Array, " n"]]:
+        """Return the objective of a motion, and its gradient by the jerk, shape (n,).
+
+        Args:
+            trajectory: motion, not traced.
+            smoothing: smoothing parameter; 0 for the exact value.
+        """
+        smooth = jnp.asarray(smoothing)
+        if isinstance(self.objective, StagedObjective):
+            return self.objective.value_and_slope(trajectory, smooth)
+        return _value_and_slope(self.objective, trajectory, smooth)
 
     def pushed(
         self, trajectory: JerkTrajectory, multipliers: Multipliers, penalty: Scalar
@@ -134,3 +181,18 @@ class Problem(eqx.Module):
         penalty, smooth = jnp.asarray(_MERIT_PENALTY), jnp.asarray(smoothing)
         value = self.lagrangian(trajectory, nothing, penalty, smooth)
         return jnp.nan_to_num(value, nan=jnp.inf)
+
+
+@eqx.filter_jit
+def _exact(objective: Objective, trajectory: JerkTrajectory) -> Scalar:
+    return objective(trajectory, jnp.zeros(()))
+
+
+@eqx.filter_jit
+def _value_and_slope(
+    objective: Objective, trajectory: JerkTrajectory, smoothing: Scalar
+) -> tuple[Scalar, Float[Array, " n"]]:
+    def value(jerk: Float[Array, " n"]) -> Scalar:
+        return objective(eqx.tree_at(lambda t: t.jerk, trajectory, jerk), smoothing)
+
+    return jax.value_and_grad(value)(trajectory.jerk)

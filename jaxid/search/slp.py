@@ -8,18 +8,16 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, TypeVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import linprog
 
-from jaxid._types import Scalar
 from jaxid.motion.inequalities import Inequalities, inequalities
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.search.effort import SMOOTHINGS
 from jaxid.search.frozen_loop import axis_conditions, freeze
-from jaxid.search.problem import Objective, Problem
+from jaxid.search.problem import Problem
 from jaxid.search.restoration import ROUNDING, restored, stepped_back
 
 # half-widths: margin of a step to the limits of the axis, for the tolerance of the solver and for
@@ -189,11 +187,11 @@ def _descend(
         found = _with_jerk(start, start.jerk.at[:active].set(x * planned.unit))
         if problem.axis is not None:
             found = stepped_back(problem, inside, found)
-        return _point(problem.objective, found, smoothing, planned), found
+        return _point(problem, found, smoothing, planned), found
 
     # the motion is kept beside its variables: with an encoder, a last bit of the jerk changes the
     # simulation of the axis
-    first = _point(problem.objective, start, smoothing, planned), start
+    first = _point(problem, start, smoothing, planned), start
     region = TrustRegion(0.01, 1e-8, steps)
     better = improvements(evaluate, lambda at: _around(problem, planned, at), first, region)
     return [start, *better][-1]
@@ -215,7 +213,7 @@ def repaired(problem: Problem, inside: JerkTrajectory, start: JerkTrajectory) ->
         if problem.axis is None or float(problem.violation(found)) <= -ROUNDING:
             break
         c = _around(problem, planned, found)
-        at = _point(problem.objective, found, SMOOTHINGS[0], planned)
+        at = _point(problem, found, SMOOTHINGS[0], planned)
         moves = (linear_step(c, at, radius) for radius in 0.002 * 2.0 ** np.arange(10))
         move = next((move for move in moves if np.any(move)), np.zeros_like(at.jerk))
         found = _with_jerk(found, jnp.asarray((at.jerk + move) * planned.unit))
@@ -232,9 +230,9 @@ def _planned(problem: Problem, trajectory: JerkTrajectory) -> Inequalities:
 
 
 def _point(
-    objective: Objective, trajectory: JerkTrajectory, smoothing: float, planned: Inequalities
+    problem: Problem, trajectory: JerkTrajectory, smoothing: float, planned: Inequalities
 ) -> Point:
-    value, slope = _value_and_slope(objective, trajectory, jnp.asarray(smoothing))
+    value, slope = problem.value_and_slope(trajectory, smoothing)
     active = planned.rows.shape[1]
     jerk = np.asarray(trajectory.jerk)[:active] / planned.unit
     return Point(jerk, float(value), np.asarray(slope)[:active] * planned.unit)
@@ -250,12 +248,3 @@ def _around(problem: Problem, planned: Inequalities, trajectory: JerkTrajectory)
 
 def _with_jerk(trajectory: JerkTrajectory, jerk: Float[Array, " n"]) -> JerkTrajectory:
     return eqx.tree_at(lambda t: t.jerk, trajectory, jerk)
-
-
-@eqx.filter_jit
-def _value_and_slope(
-    objective: Objective, trajectory: JerkTrajectory, smoothing: Scalar
-) -> tuple[Scalar, Float[Array, " n"]]:
-    return jax.value_and_grad(lambda jerk: objective(_with_jerk(trajectory, jerk), smoothing))(
-        trajectory.jerk
-    )
