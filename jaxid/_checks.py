@@ -68,7 +68,7 @@ def require_shape(name: str, owner: str, value: Any, shape: tuple[int, ...], ent
     )
 
 
-def require_interval(name: str, interval: Any) -> None:
+def require_interval(name: str, interval: Any, owner: str = "") -> None:
     """Raise a ValueError unless both ends of an interval are finite, the lower below the upper.
 
     A traced interval is not checked.
@@ -76,23 +76,23 @@ def require_interval(name: str, interval: Any) -> None:
     Args:
         name: name of the argument.
         interval: lower and upper end.
+        owner: owner of the argument, with its article; default none.
     """
+    argument = f"Argument `{name}`{owner and f' of {owner}'}"
     require(
         jnp.shape(interval) == (2,),
-        f"Argument `{name}` must be two numbers, (lower, upper), but has the shape "
-        f"{jnp.shape(interval)}.",
+        f"{argument} must be two numbers, (lower, upper), but has the shape {jnp.shape(interval)}.",
     )
     if not is_concrete(interval):
         return
     lower, upper = np.asarray(interval).tolist()  # NumPy: a JAX operation would be traced
     require(
         bool(np.all(np.isfinite([lower, upper]))),
-        f"Argument `{name}` must have two finite ends, but is ({lower:g}, {upper:g}).",
+        f"{argument} must have two finite ends, but is [{lower:g}, {upper:g}].",
     )
     require(
         lower < upper,
-        f"Argument `{name}` must have its lower end below its upper end, "
-        f"but is ({lower:g}, {upper:g}).",
+        f"{argument} must have its lower end below its upper end, but is [{lower:g}, {upper:g}].",
     )
 
 

@@ -253,7 +253,7 @@ WRONG = {
     "a via of one": (lambda: jd.Via(1.0, 0.0, 1.0), r"`lower` of a via point .* \(3,\)"),
     "a limit of one number": (
         lambda: jd.Term("M", "kg", 5.0),
-        r"`interval of M` must be two numbers",
+        r"`interval` of the term M must be two numbers",
     ),
     "a limit of words": (
         lambda: jd.Term("M", "kg", ["low", "high"]),

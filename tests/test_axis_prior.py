@@ -57,9 +57,9 @@ def test_a_log_that_does_not_tell_parameters_apart_is_not_fitted():
     n, speed = 1500, 0.5
     position = jnp.asarray(0.1 + speed * PERIOD * np.arange(n + 1))
     log = Log(jnp.full(n, 0.4), position, PERIOD, 0.0)
-    with pytest.raises(ValueError, match=r"does not tell .*B and Fc and dbar apart"):
+    with pytest.raises(ValueError, match=r"does not identify .*B and Fc and dbar separately"):
         fit_least_squares(motor.system(), [log])
-    with pytest.raises(ValueError, match="more than 4 times 5 ticks"):
+    with pytest.raises(ValueError, match="more than 20 consecutive samples"):
         fit_least_squares(motor.system(), [Log(jnp.zeros(10), jnp.zeros(11), PERIOD, 0.0)])
 
 
@@ -80,12 +80,12 @@ def test_what_is_no_inertia_and_no_friction_is_not_proposed(tmp_path, jog):
     axis = read_axis(tmp_path / "axis.toml")
     y, u = np.asarray(jog.position), np.asarray(jog.input)
     with pytest.raises(
-        ValueError, match=r"find M = -0\.\d+ V s²/m, but an inertia must be positive"
+        ValueError, match=r"give M = -0\.\d+ V s²/m, but an inertia must be positive"
     ):
         propose(axis, Recorded(None, y[:-1], -u))
     driven = u - 20.0 * np.diff(y) / PERIOD
     with pytest.raises(
-        ValueError, match=r"find B to be at most -10\.\d+ V s/m, but a friction must be"
+        ValueError, match=r"interval of B ends at -10\.\d+ V s/m, but a friction must be"
     ):
         propose(axis, Recorded(None, y[:-1], driven))
 

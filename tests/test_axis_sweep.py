@@ -41,7 +41,7 @@ def test_a_folder_of_designs_is_swept(folder):
     arguments = ["sweep", folder / "arm.toml", folder / "choice", "--plants", "1"]
     arguments += ["--factors", "1", "0.5", "--bandwidths", "20", "200"]
     (said,) = finish(start("-c", PROGRAM, *arguments, JAX_ENABLE_COMPILATION_CACHE="0"))
-    assert "10 closed loops, seed 0; 0 diverge." in said
+    assert "10 closed loops (seed 0), of which 0 diverged." in said
     found = read_dataset(folder / "choice" / "sweep.nc")
     assert sorted(path.name for path in (folder / "choice").iterdir()) == sorted(
         [*SweepResult.names, "all_1s", "manifest.json"]
@@ -98,9 +98,11 @@ def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
         assert stopped.value.code == 1
         return capsys.readouterr().err.splitlines()[-1]
 
-    assert "must hold designs of jaxid design" in said(folder)
-    assert "`plants` must be 0 or more, but is -1" in said(folder / "choice", "--plants", -1)
-    assert "`factors` must be above zero and differ" in said(folder / "choice", "--factors", 1, 1)
+    assert "has no design; write one with `jaxid design`" in said(folder)
+    assert "--plants must be 0 or more, but is -1" in said(folder / "choice", "--plants", -1)
+    assert "--factors must be distinct numbers above zero" in said(
+        folder / "choice", "--factors", 1, 1
+    )
     with monkeypatch.context() as second:  # of two processes
         second.setattr(axis_sweep.jax, "process_index", lambda: 1)
         second.setattr(axis_sweep.blocks, "compute", lambda *arguments: None)
@@ -108,10 +110,10 @@ def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
     assert not (folder / "choice" / "sweep.nc").exists()
     text = path.read_text()
     path.write_text(text[: text.index("[controller]")] + text[text.index("[log]") :])
-    assert "must have a table [controller] to track a motion" in said(folder / "choice")
+    assert "has no table [controller]" in said(folder / "choice")
     (folder / "choice" / "sweep.nc").write_text("mine")
-    assert "would be replaced" in said(folder / "choice")
+    assert "already exist" in said(folder / "choice")
     (folder / "choice" / "all_1s" / "design.json").write_text("{}")
-    assert "design.json was changed after the design" in said(folder / "choice")
+    assert "design.json was changed after jaxid design wrote it" in said(folder / "choice")
     (folder / "choice" / "all_1s" / "manifest.json").unlink()
-    assert "all_1s must be one of jaxid design, but has no manifest" in said(folder / "choice")
+    assert "all_1s must be a result of jaxid design, but has no manifest" in said(folder / "choice")

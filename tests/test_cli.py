@@ -20,6 +20,7 @@ from jaxid.axis.saved_designs import designs_in, of_another_axis, read_design
 from jaxid.axis.simulate import simulate_axis
 from jaxid.design.evaluation import evaluate
 from jaxid.io.files import read_table, read_trajectory
+from jaxid.io.log_file import read_log
 from jaxid.io.setpoints import margins, read_setpoints
 from jaxid.motion.feasibility import interior
 from jaxid.motion.violation import worst_violation
@@ -53,7 +54,7 @@ def test_an_example_is_written_once(tmp_path, capsys):
     assert read_axis(path).system.coordinate == "rotary"
     own = path.read_text().replace("duration = 1.0", "duration = 2.0")
     path.write_text(own)
-    assert f"{path} would be replaced: allow it with --force" in refused(capsys, "init", path)
+    assert f"{path} already exists; use --force to overwrite." in refused(capsys, "init", path)
     assert path.read_text() == own
     cli.main(["init", str(path), "--force"])
     assert read_axis(path).system.coordinate == "linear"
@@ -101,7 +102,7 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
         expected = [worth.least_squares[k], worth.predicted[k], worth.lower_bound[k]]
         np.testing.assert_allclose(found, expected, rtol=1e-6)
     again = refused(capsys, "design", path, "--out", out, "--effort", "quick")
-    assert "design.png would be replaced" in again
+    assert "design.png already exist" in again
 
 
 def hardly_designed(axis, target, seed, effort, report):
@@ -117,7 +118,7 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(axis_tradeoff, "design_axis", hardly_designed)
     path, out = tmp_path / "axis.toml", tmp_path / "choice"
     cli.main(["init", str(path)])
-    asked = ["design", str(path), "--out", str(out), "--effort", "quick", "--horizons", "0.5"]
+    asked = ["design", str(path), "--out", str(out), "--effort", "quick", "--durations", "0.5"]
     asked += ["0.6", "--target", "M", "all"]
     cli.main(asked)
     said = capsys.readouterr().out
@@ -149,14 +150,14 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     motion = out / "M_0.5s" / "trajectory.csv"
     kept = motion.read_text()
     shutil.copy(out / "M_0.6s" / "trajectory.csv", motion)
-    assert "M_0.5s holds a design that is none of this axis" in refused(capsys, *asked)
+    assert "M_0.5s has a design that was made with another axis file" in refused(capsys, *asked)
     rows = kept.splitlines()
     faster = ",".join([*rows[1].split(",")[:-1], "9999.0"])
     motion.write_text("\n".join([rows[0], faster, *rows[2:]]) + "\n")
-    assert "M_0.5s holds a design that is none of this axis" in refused(capsys, *asked)
+    assert "M_0.5s has a design that was made with another axis file" in refused(capsys, *asked)
     motion.write_text(kept)
     path.write_text(path.read_text() + "# another axis\n")
-    assert "M_0.5s holds a design that is none of this axis" in refused(capsys, *asked)
+    assert "M_0.5s has a design that was made with another axis file" in refused(capsys, *asked)
     # what may be replaced is designed anew, for the axis as it is now
     saved = designs_in(out, "linear").designs.values()
     assert len(of_another_axis(saved, read_axis(path))) == 4
@@ -192,7 +193,7 @@ def test_a_design_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch)
     assert list(tmp_path.iterdir()) == [path]
     part = write(out, DesignResult(found))
     written = json.loads((out / "design.json").read_text())
-    assert any("2 periods later" in sentence for sentence in written["assumptions"])
+    assert any("acts 2 sample periods after" in sentence for sentence in written["assumptions"])
     # the manifest says where it is from, and what was written is read again
     assert part.program == PROGRAM
     assert part.sources == {"axis": hashlib.sha256(path.read_bytes()).hexdigest()}
@@ -207,9 +208,11 @@ def test_what_cannot_be_designed_is_said_in_a_sentence(tmp_path, capsys):
     assert "No such file" in refused(capsys, "design", path, "--out", out)
     cli.main(["init", str(path)])
     wrong = refused(capsys, "design", path, "--out", out, "--target", "mass")
-    assert "must be one of ['M', 'B', 'Fc', 'dbar'], but is 'mass'" in wrong
+    assert "--target must be all, wanted or one of M, B, Fc, dbar, but is 'mass'" in wrong
     path.write_text(path.read_text().replace("duration = 0.6 ", "duration = 0.3 "))
-    assert "no motion of 30 intervals" in refused(capsys, "design", path, "--out", out)
+    assert "`motion.duration`: no motion of 0.3 s (30 intervals" in refused(
+        capsys, "design", path, "--out", out
+    )
     path.write_text(path.read_text().replace("kind = ", "knd = ", 1))
     assert f"File {path}: " in refused(capsys, "design", path, "--out", out)
     assert not out.exists()
@@ -247,16 +250,21 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     save_design(out, figures / "arm_all.csv", "before")
     cli.main(["simulate", str(path), str(out), "--plants", "8", "--logs", "2"])
     said = capsys.readouterr().out
-    assert f"{out} was designed for another axis file than {path} is now" in said
+    assert f"Warning: {path} has changed since the design in {out} was made." in said
     found = json.loads((out / "simulation.json").read_text())
     assert (out / "simulation.png").exists()
     assert found["logs_missing_the_truth"] == 0
-    assert "acts as commanded, 2 periods later" in said
+    assert "acts 2 sample periods after its command" in said
     axis, motion = read_axis(path), read_trajectory(out / "trajectory.csv", "rotary")
     again = simulate_axis(axis, motion, 8, 2)
     for name, one in found["limits"].items():
-        assert one["smallest_margin"] == -float(again.excess[name].max())
+        low, high = np.asarray(getattr(axis.task.limits, name)).tolist()
+        assert one["smallest_margin"] == -float(again.excess[name].max()) * (high - low) / 2
         assert f"{one['smallest_margin']:.4g}" in said
+    # the log of one of the plants can be identified, and holds what the servo recorded
+    recorded = read_log(out / "simulated_log.csv", axis.columns)
+    np.testing.assert_allclose(recorded.position, again.log.position, atol=1e-9)
+    assert list(found["log_theta"].values()) == again.theta.tolist()
     # second truth: the extremes of what was drawn
     assert float(again.played.duration) > float(motion.duration)  # it begins at home
     np.testing.assert_allclose(again.drawn.position[:, 0], 0.3)
@@ -264,11 +272,11 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     beyond = np.maximum(np.max(y, axis=1) - high, low - np.min(y, axis=1)) / ((high - low) / 2)
     np.testing.assert_allclose(again.excess["position"], beyond, rtol=1e-9)
     assert set(found["half_widths"]) == set(axis.system.names)
-    assert "would be replaced" in refused(capsys, "simulate", path, out)
+    assert "already exist" in refused(capsys, "simulate", path, out)
     parts = json.loads((out / "manifest.json").read_text())["parts"]
     digests = {
         name: hashlib.sha256((out / name).read_bytes()).hexdigest()
-        for name in ("simulation.json", "simulation.png")
+        for name in ("simulation.json", "simulation.png", "simulated_log.csv")
     }
     assert parts["simulate"]["files"] == digests
     assert parts["simulate"]["sources"] == {"axis": axis.digest}
@@ -285,10 +293,14 @@ def test_a_design_that_was_changed_is_not_simulated(tmp_path, capsys, figures):
     text = (out / "trajectory.csv").read_text()
     (out / "trajectory.csv").write_text(text.replace("0.0", "0.1", 1))
     said = refused(capsys, *simulate)
-    assert f"File {out / 'trajectory.csv'} was changed after the design: put it back" in said
+    assert (
+        f"File {out / 'trajectory.csv'} was changed after jaxid design wrote it: restore it" in said
+    )
     (out / "trajectory.csv").write_text(text)
     (out / "manifest.json").rename(tmp_path / "manifest.json")
-    assert f"{out} must be one of jaxid design, but has no manifest" in refused(capsys, *simulate)
+    assert f"{out} must be a result of jaxid design, but has no manifest" in refused(
+        capsys, *simulate
+    )
     # that of another program, whose files are as it wrote them
     parts = json.loads((tmp_path / "manifest.json").read_text())
     (out / "design.json").write_text("{}")
@@ -296,4 +308,6 @@ def test_a_design_that_was_changed_is_not_simulated(tmp_path, capsys, figures):
     parts["parts"]["design"] |= {"program": "jaxid 0.0.1"}
     parts["parts"]["design"]["files"]["design.json"] = digest
     (out / "manifest.json").write_text(json.dumps(parts))
-    assert "was written by jaxid 0.0.1, whose design.json is another" in refused(capsys, *simulate)
+    assert "was written by jaxid 0.0.1, whose design.json has another format" in refused(
+        capsys, *simulate
+    )

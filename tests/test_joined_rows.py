@@ -145,7 +145,9 @@ def test_logs_of_two_motors_contradict_each_other(figures, logs):
     pair = [rows(hats, log) for log in (logs[0], other[0])]
     for single in pair:
         feasible_set(single, knots=KNOTS)
-    with pytest.raises(ValueError, match="no θ of the prior box explains these data"):
+    with pytest.raises(
+        ValueError, match="no parameter vector of the prior box explains these data"
+    ):
         feasible_set(join_rows(pair), knots=KNOTS)
 
 
@@ -177,10 +179,10 @@ def test_what_cannot_be_joined_is_refused(logs):
 
 def test_what_several_logs_rest_on_is_said_once(logs):
     said = assumptions(SYSTEM, logs[0], logs[1], logs[0])
-    assert len(said) == 2 + 2 * 2 + 1
-    assert "one axis, whose parameters and zero of position stayed the same" in said[-1]
-    assert [line for line in said if "0.0004 s" in line or "2.5e-06 m" in line] == list(said[4:6])
-    assert len(assumptions(SYSTEM, logs[0])) == 4
+    assert len(said) == 4 + 2 * 2 + 1
+    assert "one axis with the same parameters and the same zero of position" in said[-1]
+    assert [line for line in said if "0.4 ms" in line or "2.5 µm" in line] == list(said[6:8])
+    assert len(assumptions(SYSTEM, logs[0])) == 6
 
 
 def test_another_log_widens_no_interval(figures):

@@ -106,13 +106,13 @@ def test_a_log_that_nothing_can_have_left_is_refused(motion):
     theta = jnp.asarray(motor.TRUE_PARAMETERS)
     log, _ = experiment(motor, motion, theta, NoDisturbance(), Q, H, ticks)
     jumped = eqx.tree_at(lambda x: x.position, log, log.position.at[700].add(1e-4))
-    with pytest.raises(ValueError, match=r"`log`: no axis .* contradict each other around sample"):
+    with pytest.raises(ValueError, match=r"`log` is inconsistent around sample"):
         state_bounds(motor.system(), jumped)
     pushed = eqx.tree_at(lambda x: x.input, log, log.input + 0.9)
-    with pytest.raises(ValueError, match="`logs`: they are inconsistent with the system"):
+    with pytest.raises(ValueError, match="`logs` requires dbar ≥"):
         guaranteed_intervals(motor.system(), [pushed], knots=75)
     slow = eqx.tree_at(lambda x: x.period, log, jnp.asarray(0.5))
-    with pytest.raises(ValueError, match=r"`log`: its period of 0.5 s is too long"):
+    with pytest.raises(ValueError, match=r"`log` has a sample period of 0.5 s, which is too long"):
         state_bounds(motor.system(), slow)
     for resolution in (-1e-7, float("nan")):  # with −1e-7 d̄ was bounded below its floor
         with pytest.raises(ValueError, match="`resolution` of a log must be at least zero and fin"):
@@ -306,19 +306,21 @@ def test_rounding_far_from_zero_is_part_of_the_bound(quiet):
 
 
 def test_what_a_guarantee_rests_on_is_said(quiet):
-    """Box, δ, hold, delay and encoder, with their numbers and units."""
+    """Terms, box, δ, scale of the input, hold, delay, encoder, with their numbers and units."""
     _, _, log = quiet
     text = " ".join(assumptions(motor.system().with_scaled_disturbance(2.0), noisy(log, 0.0)))
     for part in (
+        "u = M·ÿ + B·ẏ + Fc·(2/π)·arctan(1000·ẏ) + dbar + Δ, without any other term.",
+        "The input u is known exactly, scale and sign included, in V.",
         "M in [0.08, 0.18] V s²/m",
         "2 times 0.25 V up to 0.1 m/s and 0.15 V above",
-        "without delay, and is held for 0.0002 s",
-        "to 1e-05 m.",
+        "acts without delay and is held constant (zero-order hold) over each sample period of 0.2",
+        "with an error of at most ±10 µm; its scale is exact.",
     ):
         assert part in text
-    level = assumptions(arm.system(), Log(log.input, log.position, H, 0.0))[1]
+    level = assumptions(arm.system(), Log(log.input, log.position, H, 0.0))[2]
     assert arm.system().input_unit in level
-    assert "exactly" in assumptions(motor.system(), log)[3]
+    assert "exactly" in assumptions(motor.system(), log)[5]
 
 
 def test_ticks_that_only_fill_the_arrays_up_change_nothing(quiet):

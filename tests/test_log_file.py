@@ -7,7 +7,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from jaxid.io.log_file import Columns, read_log
+from jaxid.io.log_file import Columns, log_bytes, read_log
+from jaxid.io.segments import steady_segments
+from jaxid.loop.log import Log
 
 RANDOM = np.random.default_rng(0)
 TIME = 0.001 * np.arange(40)
@@ -155,3 +157,23 @@ def test_arrays_that_do_not_belong_together_are_refused(tmp_path):
         read_log(path, Columns("y", "u"))
     with pytest.raises(ValueError, match="0 matrices instead of one"):
         read_log(path, Columns(1, 2))
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+@pytest.mark.parametrize(
+    "columns",
+    [
+        Columns("q", "u", "t", 1e-3, -0.5, 1e-3),
+        Columns(5, 2, 1, 1e-6),
+        Columns("position", "input"),
+    ],
+)
+def test_a_written_log_is_read_back(tmp_path, columns, delay):
+    """As the drive records it: commands `delay` periods before they act."""
+    rng = np.random.default_rng(0)
+    log = Log(rng.normal(size=40), rng.normal(size=41), 1e-3, 1e-6)
+    (tmp_path / "log.csv").write_bytes(log_bytes(log, columns, delay))
+    recorded = read_log(tmp_path / "log.csv", columns)
+    (piece,) = steady_segments(recorded, 1e-3, 1e-6, delay)
+    np.testing.assert_allclose(piece.log.position, log.position[delay:], rtol=1e-11)
+    np.testing.assert_allclose(piece.log.input, log.input[delay:], rtol=1e-11)

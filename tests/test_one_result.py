@@ -60,7 +60,7 @@ def designed(designs, made, monkeypatch, tmp_path):
     out = tmp_path / "slide"
 
     def run(duration):
-        asked = ["design", str(path), "--out", str(out), "--horizons", str(duration), "--force"]
+        asked = ["design", str(path), "--out", str(out), "--durations", str(duration), "--force"]
         cli.main(asked)
 
     return run, out
@@ -168,9 +168,9 @@ def test_of_two_logs_for_one_folder_one_is_kept_and_told(identified, monkeypatch
         cli.main(arguments)
     assert stopped.value.code == 1
     said = capsys.readouterr()
-    assert re.search(r"run/result.json, .* would be replaced: .*another run was quicker", said.err)
+    assert re.search(r"run/result.json, .* already exist; .*another run finished first", said.err)
     assert said.out.count("hold provided that:") == 2  # what took long is told all the same
-    assert said.out.count("Written to") == 1
+    assert said.out.count("Wrote to") == 1
     monkeypatch.setattr(cli, "identify_axis", once)
     cli.main([*arguments, "--force"])
 

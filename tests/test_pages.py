@@ -13,7 +13,14 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 GALLERY = (ROOT / "figures" / "README.md").read_text()
 MAKEFILE = (ROOT / "Makefile").read_text()
-COMMANDS = re.findall(r"^\.venv/bin/jaxid (.*)$", README, re.M)
+EXPERIMENTS = (ROOT / "experiments" / "README.md").read_text()
+GUIDE = [path.read_text() for path in sorted((ROOT / "jaxid" / "guide").glob("*.md"))]
+COMMANDS = [
+    command
+    for page in (README, *GUIDE)
+    for block in re.findall(r"^ *```sh\n(.*?)```", page, re.M | re.S)
+    for command in re.findall(r"^ *jaxid (.*)$", block, re.M)
+]
 
 
 def test_every_figure_is_in_the_gallery_once_with_the_command_that_made_it():
@@ -26,7 +33,9 @@ def test_every_figure_is_in_the_gallery_once_with_the_command_that_made_it():
         assert "![" in rest
 
 
-@pytest.mark.parametrize("page", [README, GALLERY], ids=["README", "gallery"])
+@pytest.mark.parametrize(
+    "page", [README, GALLERY, EXPERIMENTS], ids=["README", "gallery", "experiments"]
+)
 def test_every_make_target_that_is_named_exists(page):
     targets = set(re.findall(r"make ([a-z-]+)[ `(\n]", page)) - {"and", "the"}
     assert targets
@@ -34,14 +43,22 @@ def test_every_make_target_that_is_named_exists(page):
         assert re.search(rf"^{target}:", MAKEFILE, re.M), target
 
 
-def test_every_file_that_the_readme_names_is_there():
-    named = set(re.findall(r"`([a-z0-9_]+\.(?:csv|png|nc))`", README))
+def test_every_file_that_the_list_of_experiments_names_is_there():
+    named = set(re.findall(r"`([a-z0-9_]+\.(?:csv|png|nc))`", EXPERIMENTS))
     assert len(named) > 20
     missing = [name for name in named if not (ROOT / "figures" / name).exists()]
     assert not missing
 
 
-def test_the_commands_of_the_readme_can_be_typed(monkeypatch):
+def test_every_link_of_a_page_leads_somewhere():
+    pages = ["README.md", "experiments/README.md", "figures/README.md", ".github/CONTRIBUTING.md"]
+    for page in pages:
+        path = ROOT / page
+        for link in re.findall(r"\]\(([^)#:]+)\)", path.read_text()):
+            assert (path.parent / link).exists(), f"{page}: {link}"
+
+
+def test_the_commands_of_readme_and_guide_can_be_typed(monkeypatch):
     """Their words mean something; what they then do is tested command by command."""
     called = []
     for name in ("init", "prior", "design", "simulate", "identify", "sweep"):

@@ -60,5 +60,7 @@ def test_motions_one_after_another():
     assert approach(motor.limits(), 0.2, 0.2, 0.01).jerk.size == 0
     with pytest.raises(ValueError, match=r"one ends in .* and the next begins in"):
         joined(move, wait(0.1, 2, 0.01))
-    with pytest.raises(ValueError, match=r"`home` must be between the limits -0.01 and 0.4"):
+    with pytest.raises(
+        ValueError, match=r"`home` = .* is outside the position limits \[-0.01, 0.4\]"
+    ):
         approach(motor.limits(), 0.5, 0.0, 0.01)

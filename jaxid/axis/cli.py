@@ -1,9 +1,10 @@
 """The `jaxid` command: it parses arguments, calls the library and prints results."""
 
+import shlex
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import tyro
 from tqdm import tqdm
@@ -12,6 +13,7 @@ from jaxid._checks import require
 from jaxid.axis.design import ALL, design_axis
 from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import Axis, Coordinate, example, read_axis
+from jaxid.axis.guide import guide_page
 from jaxid.axis.identify import IdentifyResult, identify_axis
 from jaxid.axis.prior import propose
 from jaxid.axis.result import Result, write
@@ -22,6 +24,7 @@ from jaxid.axis.sweep import BANDWIDTHS, FACTORS, forget_blocks, sweep_axis
 from jaxid.axis.sweep_result import SweepResult
 from jaxid.axis.tradeoff import tradeoff
 from jaxid.axis.tradeoff_result import TradeoffResult
+from jaxid.axis.wording import in_words_of_files
 from jaxid.io.files import write_bytes
 from jaxid.io.log_file import Columns, read_log
 from jaxid.io.manifest import sha256_of
@@ -37,17 +40,36 @@ _QUICK = Effort(
     searches=1,
     predicted_smoothings=(1e-3, 1e-4),
 )
-CONTRADICTED = 3  # the exit code
+INCONSISTENT = 3  # exit code
 _DESCRIPTION = (
-    "From limits of a machine axis to guaranteed intervals of its parameters. Exit codes: 0 done, "
-    "1 refused, 2 not understood, 3 the log contradicts the axis, 130 stopped."
+    "Optimal experiments and guaranteed parameter intervals for machine axes. The pages of `jaxid "
+    "guide` explain every step. Exit codes: 0 success, 1 invalid input, 2 usage error, 3 log "
+    "inconsistent with the model, 130 interrupted."
 )
 EFFORTS = {"usual": Effort(), "quick": _QUICK}
 
+AxisFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="AXIS")]
+LogFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
+DesignFolder = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DESIGN")]
+OutputFolder = Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
+Seconds = Annotated[
+    tuple[float, ...],
+    tyro.conf.arg(metavar="SECONDS", help_behavior_hint="(default: that of the axis file)"),
+]
 
-def init(
-    axis: tyro.conf.Positional[Path], coordinate: Coordinate = "linear", force: bool = False
-) -> None:
+
+def guide(page: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PAGE")] = "") -> None:
+    """Print a page of the guide; without a page, the list of pages.
+
+    Example: jaxid guide tutorial
+
+    Args:
+        page: name of the page.
+    """
+    print(guide_page(page))
+
+
+def init(axis: AxisFile, coordinate: Coordinate = "linear", force: bool = False) -> None:
     """Write an example axis file with comments, to be edited.
 
     Example: jaxid init slide.toml
@@ -55,22 +77,21 @@ def init(
     Args:
         axis: axis file to write.
         coordinate: kind of axis: linear (m) or rotary (rad).
-        force: replace an existing file.
+        force: overwrite an existing file.
     """
-    require(force or not axis.exists(), f"{axis} would be replaced: allow it with --force.")
+    require(force or not axis.exists(), f"{axis} already exists; use --force to overwrite.")
     write_bytes(axis, example(coordinate).encode())
-    print(f"{axis} describes an example: change it into your axis, then: jaxid design {axis}")
+    words = shlex.join(["jaxid", "design", str(axis), "--out", str(axis.with_suffix(""))])
+    print(f"Wrote {axis}. Edit it to describe your axis, then run: {words}")
 
 
-def prior(
-    axis: tyro.conf.Positional[Path], log: tyro.conf.Positional[Path], run_python: bool = False
-) -> None:
-    """Propose prior intervals of the parameters and a disturbance bound δ from a log.
+def prior(axis: AxisFile, log: LogFile, run_python: bool = False) -> None:
+    """Propose prior intervals of the parameters and a disturbance bound δ, from a log.
 
-    Any motion will do, such as a jog. Example: jaxid prior slide.toml jog.csv
+    Any motion will do, such as a jog in both directions. Example: jaxid prior slide.toml jog.csv
 
     Args:
-        axis: axis file; its prior intervals and its disturbance bound are not used.
+        axis: axis file; its prior intervals and its table [disturbance] are not used.
         log: log file: CSV, MAT or HDF5.
         run_python: run the Python module that the axis file names.
     """
@@ -79,10 +100,10 @@ def prior(
 
 
 def design(
-    axis: tyro.conf.Positional[Path],
-    out: Path,
-    target: tuple[str, ...] = (ALL,),
-    horizons: tuple[float, ...] = (),
+    axis: AxisFile,
+    out: OutputFolder,
+    target: Annotated[tuple[str, ...], tyro.conf.arg(metavar="TARGET")] = (ALL,),
+    durations: Seconds = (),
     seed: int = 0,
     effort: Literal["usual", "quick"] = "usual",
     force: bool = False,
@@ -93,25 +114,25 @@ def design(
     Example: jaxid design slide.toml --out slide
 
     To compare durations and targets:
-    jaxid design slide.toml --out choice --target all M --horizons 0.5 0.6 1.2
+    jaxid design slide.toml --out choice --target all M --durations 0.5 0.6 1.2
 
     Args:
         axis: axis file.
         out: output folder for the motion as CSV, MAT and C header, its predicted errors and a
-            picture; of several motions, for one folder each, with a table and a picture that
-            compare them.
-        target: what to minimise: the error of one parameter, by its name; all: the largest error
-            relative to its lower bound; or wanted: the largest error relative to the accuracies in
-            the table [wanted].
-        horizons: durations of the motions in s, instead of the one in the axis file.
+            picture. Several motions get a folder each, and a table and a picture that compare them.
+        target: what to minimise: a parameter name (the error of this parameter); all (the largest
+            optimality gap of all parameters); or wanted (the largest error relative to the
+            accuracies in the table [wanted]).
+        durations: durations of the motions, s.
         seed: seed of the random search.
-        effort: effort of the search; quick takes a tenth of the time, and is a few per cent worse.
-        force: replace existing files.
+        effort: effort of the search; quick takes a tenth of the time, and its errors are a few per
+            cent larger.
+        force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
-    require(target, "Argument `target` must name what to design for, but is empty.")
+    require(target, "--target must be a parameter name, all or wanted, but is empty.")
     known = read_axis(axis, run_python=run_python)
-    times = horizons or (known.task.intervals * known.task.period,)
+    times = durations or (known.task.intervals * known.task.period,)
     several = len(target) * len(times) > 1
     names = (TradeoffResult if several else DesignResult).names
     require_writable(out, names, replace=force)
@@ -125,25 +146,25 @@ def design(
 
 
 def simulate(
-    axis: tyro.conf.Positional[Path],
-    design: tyro.conf.Positional[Path],
+    axis: AxisFile,
+    design: DesignFolder,
     plants: int = 200,
     logs: int = 10,
     seed: int = 0,
     force: bool = False,
     run_python: bool = False,
 ) -> None:
-    """Simulate the closed loop of random axes from the prior box along a designed motion.
+    """Simulate the closed loop for random plants from the prior box, and report limit violations.
 
     Example: jaxid simulate slide.toml slide
 
     Args:
         axis: axis file; its table [controller] gives the controller.
         design: folder of `jaxid design`, into which the results are written.
-        plants: number of random axes.
-        logs: number of these axes whose logs are also identified, at most --plants.
-        seed: seed of the random axes and disturbances.
-        force: replace existing files.
+        plants: number of random plants.
+        logs: number of simulated logs that are also identified, at most --plants.
+        seed: seed of the random plants and disturbances.
+        force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
     known = read_axis(axis, run_python=run_python)
@@ -156,8 +177,8 @@ def simulate(
 
 
 def sweep(
-    axis: tyro.conf.Positional[Path],
-    design: tyro.conf.Positional[Path],
+    axis: AxisFile,
+    design: DesignFolder,
     bandwidths: tuple[float, ...] = BANDWIDTHS,
     factors: tuple[float, ...] = FACTORS,
     plants: int = 3,
@@ -165,7 +186,7 @@ def sweep(
     force: bool = False,
     run_python: bool = False,
 ) -> None:
-    """Simulate closed loops with many filters, gains and motions, as one data set.
+    """Simulate closed loops for many filters, feedback gains and motions, as one data set.
 
     An interrupted sweep continues where it stopped. Example: jaxid sweep slide.toml choice
 
@@ -174,10 +195,10 @@ def sweep(
         design: folder of `jaxid design`, for one motion or for several.
         bandwidths: bandwidths of the first-order filter of input and regressors, rad/s.
         factors: factors of the feedback gains.
-        plants: number of random axes, beside the centre of the prior box, its lowest and its
-            highest θ.
-        seed: seed of the random axes and disturbances.
-        force: replace existing files.
+        plants: number of random plants, in addition to the centre of the prior box, its lowest and
+            its highest θ.
+        seed: seed of the random plants and disturbances.
+        force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
     connect(processors())
@@ -199,21 +220,22 @@ def sweep(
 
 
 def identify(
-    axis: tyro.conf.Positional[Path],
-    log: tyro.conf.Positional[Path],
-    out: Path,
+    axis: AxisFile,
+    log: LogFile,
+    out: OutputFolder,
     force: bool = False,
     run_python: bool = False,
 ) -> None:
-    """Compute guaranteed parameter intervals from a log, and test whether it is consistent with δ.
+    """Compute guaranteed parameter intervals from a log, after a test of its consistency with δ.
 
-    The exit code is 3 if it is not. Example: jaxid identify slide.toml run1.csv --out run1
+    The exit code is 3 if the log is inconsistent. Example: jaxid identify slide.toml run1.csv --out
+    run1
 
     Args:
         axis: axis file; its table [log] names the columns of the log.
         log: log file of a designed or any other motion: CSV, MAT or HDF5.
-        out: output folder for the result and a picture of the least-squares residual.
-        force: replace existing files.
+        out: output folder for result.json and a plot of the least-squares residual.
+        force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
     require_writable(out, IdentifyResult.names, replace=force)
@@ -223,7 +245,7 @@ def identify(
         found = identify_axis(known, recorded, line.set_description)
     _finish(out, IdentifyResult(found, sha256_of(log)), force)
     if found.result is None:
-        raise SystemExit(CONTRADICTED)
+        raise SystemExit(INCONSISTENT)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -242,6 +264,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         tyro.extras.subcommand_cli_from_dict(
             {
+                "guide": guide,
                 "init": init,
                 "prior": prior,
                 "design": design,
@@ -252,25 +275,29 @@ def main(arguments: list[str] | None = None) -> None:
             prog="jaxid",
             description=_DESCRIPTION,
             args=arguments,
+            config=(tyro.conf.FlagCreatePairsOff,),
         )
     except (ValueError, OSError) as error:
-        print(f"jaxid: {error}", file=sys.stderr)
+        print(f"jaxid: {in_words_of_files(str(error))}", file=sys.stderr)
         raise SystemExit(1) from None
     except KeyboardInterrupt:
-        print("jaxid: stopped; nothing was left half-written", file=sys.stderr)
+        print("jaxid: interrupted; no file was left half-written", file=sys.stderr)
         raise SystemExit(130) from None
 
 
 def _columns(path: Path, axis: Axis) -> Columns:
     if axis.columns is None:
-        raise ValueError(f"File {path} must say in a table [log] which column is what: jaxid init.")
+        raise ValueError(
+            f"File {path} has no table [log]. Add one that names the columns of position and "
+            "input; the file that `jaxid init` writes has an example."
+        )
     return axis.columns
 
 
 def _tell_changed(path: Path, designs: Iterable[SavedDesign], axis: Axis) -> None:
     """Print which motions were designed for another axis file."""
     for folder in of_another_axis(designs, axis):
-        print(f"{folder} was designed for another axis file than {path} is now: see design.json.")
+        print(f"Warning: {path} has changed since the design in {folder} was made.")
 
 
 def _finish(folder: Path, result: Result, replace: bool) -> None:
@@ -279,4 +306,4 @@ def _finish(folder: Path, result: Result, replace: bool) -> None:
         write(folder, result, replace=replace)
     finally:
         print(result.text())
-    print(f"Written to {folder}: {', '.join(result.names)}")
+    print(f"Wrote to {folder}: {', '.join(result.names)}")

@@ -74,7 +74,7 @@ def design_axis(
     targets, key = _targets(axis, target, least), jax.random.key(seed)
     criterion = PredictedError(system, targets, servo, velocity_error=axis.velocity_error)
     motion = optimal_motion(task, criterion, key, effort=effort, report=tell).trajectory
-    tell("what it is worth")
+    tell("evaluation")
     return evaluated(axis, target, in_words(seed, effort), motion, least)
 
 
@@ -94,15 +94,19 @@ def require_possible(axis: Axis, target: str) -> None:
     if target == WANTED:
         require(
             bool(jnp.any(jnp.isfinite(axis.wanted))),
-            f"Argument `target` must not be {WANTED} unless the axis says what is wanted.",
+            "--target wanted needs a table [wanted] in the axis file, such as M = 0.004.",
         )
     elif target != ALL:
-        axis.system.index(target)
+        names = axis.system.names
+        require(
+            target in names,
+            f"--target must be all, wanted or one of {', '.join(names)}, but is {target!r}.",
+        )
     before = float(lead_in(axis, task.boundary.start).duration) / period
     require(
         abs(before - round(before)) < 1e-6,
-        f"`knot_period` must be a multiple of the servo's period {period:g} s for an approach, but "
-        f"is {task.period:g} s.",
+        f"`motion.knot_period` = {task.period:g} s must be a multiple of `servo.period` = "
+        f"{period:g} s for the approach.",
     )
     interior(task.limits, task.boundary, task.intervals, task.period)
 

@@ -1,6 +1,6 @@
 """The files and the text of a designed motion: set-points, JSON, picture, table."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,10 +10,12 @@ import msgspec
 import numpy as np
 
 from jaxid._checks import require
+from jaxid._text import at_least
 from jaxid.axis.design import ALL, FACTORS, WANTED, AxisDesign, lead_in, played
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import Result
 from jaxid.axis.summaries import DesignedParameter, DesignSummary
+from jaxid.design.evaluation import ParameterEvaluation
 from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.assumptions import assumptions
 from jaxid.io import plots
@@ -21,8 +23,11 @@ from jaxid.io.files import json_bytes, trajectory_bytes
 from jaxid.io.setpoints import margins, sampled, setpoint_bytes, setpoints_in
 
 _SETPOINTS = tuple(Path(name) for name in ("setpoints.csv", "setpoints.mat", "setpoints.h"))
-_TITLES = {ALL: "all parameters", WANTED: "the errors that are wanted"}
+_TITLES = {ALL: "all parameters", WANTED: "the required accuracies"}
 _ROUNDED = 1e-6  # half-widths: tolerance for differences of rounded positions
+_NOTHING = 1e-3  # relative: an interval that shrinks by less counts as not narrowed
+TITLE = "Predicted guaranteed half-widths, for an undisturbed axis at the centre of the prior box"
+HEADINGS = ("least squares ±", "predicted ±", "lower bound ±", "optimality gap")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +70,7 @@ class DesignResult(Result):
         left = margins(read, axis.task.limits)
         require(
             min(left.values()) >= -_ROUNDED,
-            f"The exported positions leave the limits: {left}, in half-widths.",
+            f"The exported positions exceed the limits: {left}, relative to half their range.",
         )
         return left
 
@@ -101,19 +106,38 @@ class DesignResult(Result):
         """Return the result as text: predicted errors of each parameter, margins to the limits."""
         found = self.found
         system, worth, wanted = found.axis.system, found.worth, found.axis.wanted.tolist()
-        header = ["parameter", "unit", *worth.by_parameter[0]._fields, "with 2·δ"]
+        header = ["parameter", "unit", *HEADINGS, "with 2·δ ±"]
+        cells = list(zip(*map(evaluation_cells, worth.by_parameter), strict=True))
         twice = found.sensitivity[FACTORS.index(2.0)].tolist()
-        columns: list[list[float | None]] = [
-            *map(list, zip(*worth.by_parameter, strict=True)),
-            twice,
-        ]
+        columns: list[Sequence[object]] = [*cells, twice]
         if np.any(np.isfinite(wanted)):
-            header.append("wanted")
+            header.append("wanted ±")
             columns.append([None if np.isinf(x) else x for x in wanted])
         rows = list(zip(system.names, system.units, *columns, strict=True))
         margins = ", ".join(f"{name} {x:.2%}" for name, x in self.margins.items())
-        table = plots.text_table(header, rows, "Predicted guaranteed half-widths, before the data")
-        return f"{table}\nMargin to the limits, relative to half their range: {margins}"
+        return "\n".join(
+            (
+                plots.text_table(header, rows, TITLE),
+                *_unidentified(found),
+                f"Margin to the limits, relative to half their range: {margins}",
+            )
+        )
+
+
+def evaluation_cells(one: ParameterEvaluation) -> tuple[object, ...]:
+    """Return the evaluation of one parameter as cells of a table with the columns `HEADINGS`."""
+    return one.least_squares, one.predicted, at_least(one.lower_bound, 4), f"{one.gap:.1%}"
+
+
+def _unidentified(found: AxisDesign) -> Iterator[str]:
+    """Yield a sentence for each parameter whose prior interval this motion would not narrow."""
+    box, predicted = np.asarray(found.axis.system.half_widths), np.asarray(found.worth.predicted)
+    for k, name in enumerate(found.axis.system.names):
+        if predicted[k] >= (1 - _NOTHING) * box[k]:
+            yield (
+                f"{name}: predicted to stay unidentified, since the log of this motion would not "
+                f"narrow its prior interval (± {box[k]:.4g} {found.axis.system.units[k]})."
+            )
 
 
 def _parameter(found: AxisDesign, k: int) -> DesignedParameter:

@@ -21,6 +21,8 @@ from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.axis.schema import AxisTables, Coordinate, whole
+from jaxid.axis.wording import in_words_of_files
+from jaxid.axis.wrong_entry import explained
 from jaxid.io.log_file import Columns
 from jaxid.loop.controllers import Controller
 from jaxid.loop.servo import Servo
@@ -72,7 +74,10 @@ class Axis(NamedTuple):
             ValueError: if the file has no table [controller].
         """
         if self.controller is None:
-            raise ValueError("Argument `axis` must have a table [controller] to track a motion.")
+            raise ValueError(
+                "The axis file has no table [controller], which a simulation needs; the file that "
+                "`jaxid init` writes has an example."
+            )
         return self.controller
 
     def lasting(self, duration: float) -> "Axis":
@@ -82,7 +87,9 @@ class Axis(NamedTuple):
             ValueError: if the duration is not a whole number of knot periods and of sample periods.
         """
         period = self.task.period
-        axis = self._replace(task=self.task._replace(intervals=whole(duration, period, "a motion")))
+        axis = self._replace(
+            task=self.task._replace(intervals=whole(duration, period, "the duration"))
+        )
         _require_logs(axis.task, axis.servo)
         return axis
 
@@ -102,8 +109,10 @@ def read_axis(path: Path, *, run_python: bool = False) -> Axis:
         tables = msgspec.toml.decode(data, type=AxisTables)
         system = _system(tables, path, run_python)
         return _axis(tables, system, hashlib.sha256(data + _code(tables, path)).hexdigest())
+    except msgspec.ValidationError as error:
+        raise ValueError(f"File {path}: {explained(error, data)}") from None
     except (msgspec.DecodeError, UnicodeDecodeError, ValueError) as error:
-        raise ValueError(f"File {path}: {str(error).replace('`$.', '`')}") from None
+        raise ValueError(f"File {path}: {in_words_of_files(str(error))}") from None
 
 
 def example(coordinate: Coordinate) -> str:
@@ -147,15 +156,15 @@ def _system(tables: AxisTables, path: Path, run_python: bool) -> System:
         return tables.system()
     require(
         run_python,
-        f"it names the Python code {tables.python}, which runs only if you allow it: --run-python.",
+        f"this file refers to Python code ({tables.python}); add --run-python to allow it to run.",
     )
     system = _named(tables.python, path.parent)
     said = (system.coordinate, system.input_unit)
     expected = (tables.coordinate, tables.input.unit)
     require(
         said == expected,
-        f"the axis of {tables.python} must be {expected[0]} with an input in {expected[1]} like "
-        f"the file, but is {said[0]} with one in {said[1]}.",
+        f"the system of `python` ({tables.python}) must agree with `coordinate` and `input.unit`, "
+        f"{expected[0]} and {expected[1]}, but is {said[0]} with an input in {said[1]}.",
     )
     return system
 
@@ -176,7 +185,8 @@ def _named(name: str, folder: Path) -> System:
     path = (folder / f"{module}.py").resolve()
     require(
         attribute and module.isidentifier() and path.exists(),
-        f"`python` must name a module:object, the module beside the file, but is {name!r}.",
+        "`python` must be module:object, with module.py in the folder of the file, but is "
+        f"{name!r}.",
     )
     # under a name of its own: two axes may call theirs alike
     own = f"jaxid_axis_{hashlib.sha256(str(path).encode()).hexdigest()}"
@@ -188,14 +198,15 @@ def _named(name: str, folder: Path) -> System:
         spec.loader.exec_module(loaded)
     require(
         hasattr(loaded, attribute),
-        f"`python` must name a module:object, but {path} has no {attribute!r}.",
+        f"`python` must be module:object, but {path} has no {attribute!r}.",
     )
     found = getattr(loaded, attribute)
     with _sentences(path):
         system: object = found if isinstance(found, System) or not callable(found) else found()
     if not isinstance(system, System):
         raise ValueError(
-            f"`python` must name a jaxid.System, but {name} is a {type(system).__name__}."
+            f"`python` must name a jaxid.System, or a function that returns one, but {name} is a "
+            f"{type(system).__name__}."
         )
     with _sentences(path):  # user functions must accept traced arrays
         jax.eval_shape(system.regressors, *jnp.zeros((3, 2)))
@@ -215,5 +226,5 @@ def _sentences(path: Path) -> Iterator[None]:
         where = f" in line {lines[-1]}" if lines else ""
         raised = f"{type(error).__name__}: {error}"
         raise ValueError(
-            f"`python`: {path} must run by itself, but{where} raises {raised}."
+            f"`python`: {path} must run without an error, but{where} raises {raised}."
         ) from error

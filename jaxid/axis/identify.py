@@ -7,13 +7,14 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 import msgspec
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from jaxid._checks import require
-from jaxid._text import at_least, between
+from jaxid._text import at_least, at_most, between, quantity
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import Result
 from jaxid.axis.summaries import IdentificationSummary, IdentifiedParameter, UsedSegment
+from jaxid.axis.wording import in_words_of_files
 from jaxid.identification.assumptions import assumptions
 from jaxid.identification.batches import SIZES
 from jaxid.identification.falsification import LEAST
@@ -93,14 +94,14 @@ def _require_plausible(recorded: Recorded, limits: Limits, system: System) -> No
     ):
         low, high = (float(end) for end in interval)
         finite = values[np.isfinite(values)]
-        require(finite.size > 0, f"Argument `recorded`: no {name} is a number.")
+        require(finite.size > 0, f"Argument `recorded` has no row in which the {name} is a number.")
         beyond = float(np.max(np.abs(finite - (low + high) / 2))) / ((high - low) / 2)
         across = unit if name == "position" else system.input_unit
         require(
             beyond <= _ABSURD,
-            f"Argument `recorded`: its {name} reaches {float(finite.min()):.6g} to "
+            f"Argument `recorded` has values of the {name} from {float(finite.min()):.6g} to "
             f"{float(finite.max()):.6g} {across}, {beyond:.0f} times as far as its limits "
-            f"{low:g} to {high:g} {across}. Is {entry} right?",
+            f"[{low:g}, {high:g}] {across}. Check `log.{entry}`.",
         )
 
 
@@ -148,7 +149,9 @@ def summary(found: Identified) -> IdentificationSummary:
     return IdentificationSummary(
         program=PROGRAM,
         consistent=result is not None,
-        inconsistency=None if found.inconsistency is None else str(found.inconsistency),
+        inconsistency=None
+        if found.inconsistency is None
+        else in_words_of_files(str(found.inconsistency)),
         disturbance_factor=_factor(found),
         parameters={name: _parameter(found, k) for k, name in enumerate(system.names)},
         not_identifiable={
@@ -204,33 +207,41 @@ def text(found: Identified) -> str:
         (
             _rows_used(found),
             *([] if found.result is None else _of_result(found, found.result)),
-            *([] if found.inconsistency is None else [f"Inconsistent log. {found.inconsistency}"]),
-            "These intervals hold provided that:"
-            if found.result
-            else "The log was tested under the assumptions:",
+            *([] if found.inconsistency is None else [_inconsistency(found.inconsistency)]),
+            "These intervals hold provided that:" if found.result else "The test assumes that:",
             *(f"  {sentence}" for sentence in summary(found).assumptions),
         )
     )
 
 
 def _of_result(found: Identified, result: Identification) -> list[str]:
-    long = f"Long log: it was processed in {result.batches} batches, then in all of them together."
+    long = f"Long log: processed in {result.batches} batches, then in all of them together."
     return [
         *((long,) if result.batches > 1 else ()),
         _intervals(found.axis.system, result),
         *(
-            f"{name} is not identifiable from this log: {_exchange(found, combination)}"
+            _not_identifiable(found.axis.system, name, combination)
             for name, combination in result.unidentifiable.items()
         ),
     ]
 
 
+def _inconsistency(error: InconsistentLogError) -> str:
+    return (
+        f"Inconsistent log: {in_words_of_files(str(error))} No intervals are reported. Check, in "
+        "this order: sign and unit of the input, sign and unit of the position, `input.delay`, "
+        "`servo.period`, the prior intervals, δ (jaxid guide inconsistent)."
+    )
+
+
 def _rows_used(found: Identified) -> str:
-    rows, pieces = found.recorded.position.size, found.pieces
+    rows, pieces, used = found.recorded.position.size, found.pieces, rows_used(found.pieces)
     shown = [f"{p.first + 1}–{p.last + 1}" for p in pieces]
     where = ", ".join(shown[:_SHOWN]) + (", …" if len(shown) > _SHOWN else "")
+    number = f"all {rows} rows" if used == rows else f"{used} of {rows} rows"
     most = max(float(p.log.jitter) for p in pieces)
-    return f"Used {rows_used(pieces)} of {rows} rows: {where}; jitter up to {most:.3g} s."
+    jitter = f"jitter up to {quantity(float(at_most(most)), 's')}" if most else "no jitter found"
+    return f"Used {number} ({where}); {jitter}."
 
 
 def _intervals(system: System, result: Identification) -> str:
@@ -242,15 +253,20 @@ def _intervals(system: System, result: Identification) -> str:
         for pair in pairs
     ]
     rows = list(zip(system.names, system.units, *columns, strict=True))
-    lowest = f"at least {at_least(factor)}·δ" if factor > LEAST else "no lower bound found"
+    lowest = f"at least {at_least(factor)}·δ" if factor > LEAST else f"maybe less than {LEAST:g}·δ"
     title = f"Guaranteed parameter intervals. Disturbance needed to explain this log: {lowest}."
     return plots.text_table(header, rows, title)
 
 
-def _exchange(found: Identified, combination: np.ndarray) -> str:
-    system = found.axis.system
-    parts = zip(system.names, combination.tolist(), system.units, strict=True)
-    return ", ".join(f"{amount:+.3g} {unit} of {name}" for name, amount, unit in parts if amount)
+def _not_identifiable(system: System, name: str, direction: Float[np.ndarray, " m"]) -> str:
+    """Return a sentence about a parameter whose prior interval the log cannot narrow."""
+    parts = zip(system.names, direction.tolist(), system.units, strict=True)
+    moved = [f"{other} {amount:+.3g} {unit}" for other, amount, unit in parts if amount]
+    together = f"{', '.join(moved[:-1])} together with {moved[-1]}" if moved[1:] else moved[0]
+    return (
+        f"{name} is not identifiable from this log: from the centre of the prior box, {together} "
+        "explains the log equally well, and so does the opposite change."
+    )
 
 
 def page(found: Identified) -> bytes:

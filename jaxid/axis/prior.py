@@ -69,7 +69,7 @@ class Proposal(NamedTuple):
             (
                 text_table(("parameter", "unit", "least squares", "from", "to"), rows),
                 f"δ: level = {at_most(self.delta, 4)} {system.input_unit}",
-                "The rule:",
+                "The rule of this proposal (jaxid guide delta):",
                 *(f"  {sentence}" for sentence in RULE),
             )
         )
@@ -94,9 +94,9 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
     found = fit_least_squares(system, logs)
     require(
         found.theta[0] > 0,
-        f"Argument `recorded`: least squares find {system.names[0]} = {found.theta[0]:.4g} "
-        f"{system.units[0]}, but an inertia must be positive: check the signs of input and "
-        "position.",
+        f"Argument `recorded`: least squares give {system.names[0]} = {found.theta[0]:.4g} "
+        f"{system.units[0]}, but an inertia must be positive. The input or the position may have "
+        "the wrong sign: check `input.gain`, `log.input_unit` and `log.position_unit`.",
     )
     half = np.maximum(_SHARE * np.abs(found.theta), found.shift)
     lower, upper = found.theta - half, found.theta + half
@@ -105,8 +105,9 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
     for name, unit, low, high in zip(system.names, system.units, lower, upper, strict=True):
         require(
             low < high,
-            f"Argument `recorded`: least squares find {name} to be at most {high:.4g} {unit}, but "
-            "a friction must be positive: a term of the axis may be missing, or a sign wrong.",
+            f"Argument `recorded`: the least-squares interval of {name} ends at {high:.4g} {unit}, "
+            "but a friction must be positive. A term may be missing from the model, or a sign may "
+            "be wrong.",
         )
     known = system.with_box(jnp.asarray(lower), jnp.asarray(upper))
     delta = MARGIN * _smallest(known, logs, found.residual)
@@ -131,6 +132,6 @@ def _smallest(system: System, logs: list[Log], residual: Float[np.ndarray, " k"]
     require(
         factor < MOST,
         f"Argument `recorded`: no δ up to {MOST:g} times the RMS residual of least squares "
-        "explains it; check units, signs, the delay and the terms of the axis.",
+        "explains the log. Check units, signs, `input.delay` and the terms of the model.",
     )
     return level * factor

@@ -59,8 +59,8 @@ def read_design(folder: Path, coordinate: str) -> SavedDesign:
         summary = msgspec.json.decode(files["design.json"], type=DesignSummary)
     except (KeyError, msgspec.DecodeError):
         raise ValueError(
-            f"Folder {folder} was written by {part.program}, whose design.json is another one: "
-            "design anew, with --force."
+            f"Folder {folder} was written by {part.program}, whose design.json has another format: "
+            "repeat the design with --force."
         ) from None
     path = folder / "trajectory.csv"
     return SavedDesign(folder, part, summary, trajectory_in(files[path.name], path, coordinate))
@@ -82,7 +82,7 @@ def designs_in(folder: Path, coordinate: str) -> SavedDesigns:
         for place in (folder, *below)
         if _is_design(place)
     }
-    require(found, f"Argument `folder`: {folder} must hold designs of jaxid design.")
+    require(found, f"Folder {folder} has no design; write one with `jaxid design`.")
     return SavedDesigns(folder, found)
 
 

@@ -1,7 +1,7 @@
 """The tables of an axis file, with the check of every entry."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 import jax.numpy as jnp
@@ -56,7 +56,8 @@ class Kind(Table, tag_field="kind"):
         super().__post_init__()
         if not self.name.strip() or set(self.name) & set("/\\"):
             raise ValueError(
-                f"`name` must be one that a folder may have, too, but is {self.name!r}"
+                "`name` is used as a folder name, and must be text without / and \\, but is "
+                f"{self.name!r}"
             )
 
     def regressor(self) -> Regressor | None:
@@ -173,7 +174,7 @@ class _Disturbance(Table):
         if self.slow is None and self.threshold is None:
             return ConstantBound(self.level)
         if self.slow is None or self.threshold is None:
-            raise ValueError("`slow` and `threshold` of the disturbance belong together: give both")
+            raise ValueError("[disturbance] must have both `slow` and `threshold`, or neither")
         return SpeedBand(self.slow, self.level, self.threshold)
 
 
@@ -220,7 +221,8 @@ class _Log(Table):
 def _unit(name: str, unit: str | float, named: Mapping[str, float]) -> float:
     found = named.get(unit) if isinstance(unit, str) else unit
     if not found:
-        raise ValueError(f"`{name}` must be {', '.join([*named, 'a number'])}, but is {unit!r}")
+        right = ", ".join([*named, "or a number above zero"])
+        raise ValueError(f"`log.{name}` must be {right}, but is {unit!r}.")
     return found
 
 
@@ -246,8 +248,7 @@ class _ARC(_Law, tag="arc"):
     gamma: dict[str, float] = {}
 
     def controller(self, system: System) -> Controller:
-        for name in self.gamma:
-            system.index(name)  # refuses what is none
+        _require_parameters("controller.gamma", self.gamma, system)
         gamma = jnp.array([self.gamma.get(name, 0.0) for name in system.names])
         return ARC(system, self.k1, self.k2, self.epsilon, gamma)
 
@@ -276,14 +277,14 @@ class _Motion(Table):
     @property
     def intervals(self) -> int:
         """The number of intervals of constant jerk."""
-        return whole(self.duration, self.knot_period, "the duration")
+        return whole(self.duration, self.knot_period, "`motion.duration`")
 
     @property
     def waiting(self) -> int:
         """The number of intervals between the approach and the motion."""
         if self.settle < 0:
-            raise ValueError(f"`settle` must be 0 s or more, but is {self.settle:g} s")
-        return whole(self.settle, self.knot_period, "`settle`") if self.settle else 0
+            raise ValueError(f"`motion.settle` must be 0 s or more, but is {self.settle:g} s.")
+        return whole(self.settle, self.knot_period, "`motion.settle`") if self.settle else 0
 
     def boundary(self) -> Boundary:
         """Return the boundary from rest to rest; without `end`, at any position."""
@@ -305,7 +306,9 @@ def whole(time: float, period: float, name: str) -> int:
     """
     count = time / period if period > 0 else 0.0
     if count < 1 or abs(count - round(count)) > 1e-6:
-        raise ValueError(f"`knot_period` must divide {name} {time:g} s, but is {period:g} s")
+        raise ValueError(
+            f"{name} = {time:g} s must be a whole multiple of `motion.knot_period` = {period:g} s."
+        )
     return round(count)
 
 
@@ -346,12 +349,19 @@ class AxisTables(Table, kw_only=True):
         said = bool(self.terms), self.disturbance is not None
         if said != ((self.python is None),) * 2:
             raise ValueError(
-                "what the axis is must be said once: by `terms` and `disturbance`, or by `python`"
+                "the model must be given either by [[terms]] and [disturbance], or by `python`"
             )
 
     def system(self) -> System:
         """Return the system of the built-in terms and disturbance bound."""
         assert self.disturbance is not None
+        inertias = [isinstance(kind, _Inertia) for kind in self.terms]
+        if inertias != [True] + [False] * (len(inertias) - 1):
+            kinds = ", ".join(str(kind.__struct_config__.tag) for kind in self.terms)
+            raise ValueError(
+                'the first of the [[terms]], and only this one, must have kind = "inertia", but '
+                f"their kinds are {kinds}."
+            )
         terms = tuple(kind.term() for kind in self.terms)
         return System(terms, self.disturbance.bound(), self.input.unit, self.coordinate)
 
@@ -361,8 +371,17 @@ class AxisTables(Table, kw_only=True):
         Raises:
             ValueError: if a name is not a parameter, or an accuracy is not above zero.
         """
+        _require_parameters("wanted", self.wanted, system)
         for name, error in self.wanted.items():
-            system.index(name)  # refuses what is none
             if error <= 0:
-                raise ValueError(f"`wanted` of {name} must be above zero, but is {error:g}")
+                raise ValueError(f"`wanted.{name}` must be above zero, but is {error:g}.")
         return jnp.array([self.wanted.get(name, math.inf) for name in system.names])
+
+
+def _require_parameters(table: str, names: Iterable[str], system: System) -> None:
+    for name in names:
+        if name not in system.names:
+            raise ValueError(
+                f"[{table}] must have names of parameters, {', '.join(system.names)}, but has "
+                f"{name!r}."
+            )

@@ -23,6 +23,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 
 SUBSTEPS = 5  # Runge-Kutta steps per period: limits are checked between samples too
 DRAWN = 30
+_RANDOM = 3  # first plant that is disturbed at random
 _PUSH = 10.0  # 1/s: k₁ of the disturbances against tracking
 
 
@@ -39,7 +40,8 @@ class Simulated(NamedTuple):
         drawn: signals of some plants, with plants along the first axis.
         half_widths: half-widths of the intervals from the logs of some plants, shape (logs, m).
         outside: number of these logs with a true parameter outside its interval.
-        log: one of these logs.
+        log: log of the first plant that is disturbed at random, or of the last identified one.
+        theta: true parameters of this plant, shape (m,).
     """
 
     axis: Axis
@@ -51,6 +53,7 @@ class Simulated(NamedTuple):
     half_widths: Float[np.ndarray, "logs m"]
     outside: int
     log: Log
+    theta: Float[np.ndarray, " m"]
 
 
 def simulate_axis(
@@ -77,7 +80,7 @@ def simulate_axis(
     Raises:
         ValueError: if the axis has no controller, or `logs` is not between 1 and `plants`.
     """
-    require(1 <= logs <= plants, f"Argument `logs` must be 1 to {plants}, but is {logs}.")
+    require(1 <= logs <= plants, f"--logs must be from 1 to --plants = {plants}, but is {logs}.")
     whole = played(axis, motion)
     loop = _loop(axis, whole)
     kinds = (NoDisturbance(), AgainstTracking(_PUSH), AgainstTracking(-_PUSH))
@@ -88,13 +91,15 @@ def simulate_axis(
     drawn = _signals(loop, scenarios[np.arange(min(max(logs, DRAWN), plants))], whole)
     kept, lengths, outside = [_log(axis, drawn, k) for k in range(logs)], [], 0
     for k, log in enumerate(kept):
-        tell(f"what log {k + 1} of {logs} proves")
+        tell(f"intervals from log {k + 1} of {logs}")
         found = guaranteed_intervals(axis.system, [log]).estimate
         theta = scenarios.theta[k]
         outside += not bool(jnp.all((found.lower <= theta) & (theta <= found.upper)))
         lengths.append(np.asarray(found.half_widths))
     sides = dict(zip(_sides(axis.task.limits), excess.T, strict=True))
-    return Simulated(axis, whole, seed, plants, sides, drawn, np.stack(lengths), outside, kept[0])
+    k = min(_RANDOM, logs - 1)
+    one = kept[k], np.asarray(scenarios.theta[k])
+    return Simulated(axis, whole, seed, plants, sides, drawn, np.stack(lengths), outside, *one)
 
 
 def _loop(axis: Axis, motion: JerkTrajectory) -> ClosedLoop:

@@ -1,12 +1,13 @@
 """The files and the text of a simulation of random axes along a motion."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Array
 
+from jaxid._text import at_most
 from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import Result
@@ -15,6 +16,9 @@ from jaxid.axis.summaries import SimulatedHalfWidth, SimulatedLimit, SimulationS
 from jaxid.identification.assumptions import assumptions
 from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes
+from jaxid.io.log_file import Columns, log_bytes
+
+_DEFAULT = Columns("position", "input", "time")  # of a log, if the axis file names none
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +33,7 @@ class SimulateResult(Result):
     found: Simulated
     design: str
     name: ClassVar[str] = "simulate"
-    names: ClassVar[tuple[str, ...]] = ("simulation.json", "simulation.png")
+    names: ClassVar[tuple[str, ...]] = ("simulation.json", "simulation.png", "simulated_log.csv")
 
     @property
     def axis(self) -> Axis:
@@ -51,12 +55,7 @@ class SimulateResult(Result):
             axis_sha256=found.axis.digest,
             seed=found.seed,
             plants=found.plants,
-            limits={
-                name: SimulatedLimit(
-                    exceeded_by=int(np.sum(worst > 0)), smallest_margin=-float(np.max(worst))
-                )
-                for name, worst in found.excess.items()
-            },
+            limits=_limits(found),
             logs=len(found.half_widths),
             logs_missing_the_truth=found.outside,
             half_widths={
@@ -65,34 +64,76 @@ class SimulateResult(Result):
                     system.names, system.units, *lengths, strict=True
                 )
             },
+            log_theta=dict(zip(system.names, found.theta.tolist(), strict=True)),
             assumptions=assumptions(system, found.log, delay=found.axis.servo.delay),
         )
 
     def files(self) -> Mapping[str, bytes]:
-        """Return the content of `simulation.json` and `simulation.png`, by name."""
-        return {"simulation.json": json_bytes(self.summary()), "simulation.png": page(self.found)}
+        """Return the content of the JSON file, the picture, and one of the logs, by name."""
+        axis = self.found.axis
+        columns = _DEFAULT if axis.columns is None else axis.columns
+        log = log_bytes(self.found.log, columns, axis.servo.delay)
+        contents = json_bytes(self.summary()), page(self.found), log
+        return dict(zip(self.names, contents, strict=True))
 
     def text(self) -> str:
         """Return the result as text: violated limits, half-widths of intervals, and assumptions."""
         said = self.summary()
         margins = [
-            (name, one.exceeded_by, one.smallest_margin) for name, one in said.limits.items()
+            (name, one.unit, one.exceeded_by, one.smallest_margin)
+            for name, one in said.limits.items()
         ]
         lengths = [(name, x.unit, x.median, x.largest) for name, x in said.half_widths.items()]
         title = (
             f"Half-widths of the intervals from {said.logs} simulated logs; "
-            f"{said.logs_missing_the_truth} of the logs have a true value outside its interval."
+            f"{said.logs_missing_the_truth} of {said.logs} logs had a true parameter outside its "
+            "interval."
         )
         return "\n".join(
             (
-                f"Monte Carlo check, {said.plants} axes, seed {said.seed}: evidence, not a proof.",
-                "Margins are relative to half the range of the limit; below zero it is exceeded.",
-                plots.text_table(("limit", "axes that exceed it", "smallest margin"), margins),
+                f"Monte Carlo check on {said.plants} simulated plants (seed {said.seed}): "
+                "evidence, not a proof.",
+                *self._verdict(),
+                plots.text_table(
+                    ("limit", "unit", "plants that exceed it", "smallest margin"), margins
+                ),
                 plots.text_table(("parameter", "unit", "median", "largest"), lengths, title),
                 "These intervals hold provided that:",
                 *(f"  {sentence}" for sentence in said.assumptions),
             )
         )
+
+    def _verdict(self) -> Iterator[str]:
+        """Yield a sentence for each limit that is exceeded, or one that all are kept."""
+        said = self.summary()
+        exceeded = {name: one for name, one in said.limits.items() if one.exceeded_by}
+        if not exceeded:
+            yield "All plants kept all limits."
+        for name, one in exceeded.items():
+            if one.smallest_margin is None:
+                by = "the loop of at least one of them diverged"
+            else:
+                most = at_most(-one.smallest_margin)
+                by = f"by up to {most} {one.unit}: design for limits that are narrower by this"
+            number = f"{one.exceeded_by} of {said.plants} plants"
+            yield f"`limits.{name}` was exceeded by {number}, {by}."
+
+
+def _limits(found: Simulated) -> dict[str, SimulatedLimit]:
+    """Return the violations of each limit, in its unit."""
+    system, limits = found.axis.system, found.axis.task.limits
+    length = UNITS[system.coordinate]
+    units = {"position": length, "velocity": f"{length}/s", "input": system.input_unit}
+    violations = {}
+    for name, worst in found.excess.items():
+        low, high = np.asarray(getattr(limits, name)).tolist()
+        most = float(np.max(worst)) * (high - low) / 2
+        violations[name] = SimulatedLimit(
+            unit=units.get(name, f"{system.input_unit}/s"),
+            exceeded_by=int(np.sum(~(worst <= 0))),
+            smallest_margin=-most if np.isfinite(most) else None,
+        )
+    return violations
 
 
 def page(found: Simulated) -> bytes:

@@ -91,14 +91,16 @@ class TradeoffRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SimulatedLimit(msgspec.Struct, frozen=True, kw_only=True):
-    """The violation of one limit by simulated random axes.
+    """The violation of one limit by simulated random plants.
 
     Attributes:
-        exceeded_by: number of axes that exceeded the limit.
-        smallest_margin: smallest margin of all axes to the limit, in half-widths of the limit;
-            below zero the limit was exceeded, null if a loop diverged.
+        unit: unit of the limit.
+        exceeded_by: number of plants that exceeded the limit.
+        smallest_margin: smallest margin of all plants to the limit, in the unit; below zero the
+            limit was exceeded, null if a loop diverged.
     """
 
+    unit: str
     exceeded_by: int
     smallest_margin: Number
 
@@ -120,19 +122,20 @@ class SimulatedHalfWidth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SimulationSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """The content of `simulation.json`: a Monte Carlo simulation of random axes along a motion.
+    """The content of `simulation.json`: a Monte Carlo simulation of random plants along a motion.
 
     It is evidence, not a proof.
 
     Attributes:
         program: name and version of the program that wrote it.
         axis_sha256: SHA-256 of the axis file, and of the Python module that it names.
-        seed: seed of the random axes and disturbances.
-        plants: number of simulated axes.
+        seed: seed of the random plants and disturbances.
+        plants: number of simulated plants.
         limits: violations of each limit: position, velocity, input, input_rate.
-        logs: number of axes whose logs were also identified.
+        logs: number of simulated logs that were also identified.
         logs_missing_the_truth: number of these logs with a true parameter outside its interval.
         half_widths: half-widths of the intervals from the logs, by the name of the parameter.
+        log_theta: true parameters of the plant of `simulated_log.csv`, in their units.
         assumptions: assumptions, in sentences.
     """
 
@@ -144,6 +147,7 @@ class SimulationSummary(msgspec.Struct, frozen=True, kw_only=True):
     logs: int
     logs_missing_the_truth: int
     half_widths: dict[str, SimulatedHalfWidth]
+    log_theta: dict[str, float]
     assumptions: tuple[str, ...]
 
 

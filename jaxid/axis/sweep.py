@@ -115,9 +115,9 @@ def study(
     gains = [f"× {factor:g}" for factor in factors]
     require(
         min(factors, default=0.0) > 0 and len(set(gains)) == len(gains),
-        f"Argument `factors` must be above zero and differ, but they are {list(factors)}.",
+        f"--factors must be distinct numbers above zero, but are {list(factors)}.",
     )
-    require(plants >= 0, f"Argument `plants` must be 0 or more, but is {plants}.")
+    require(plants >= 0, f"--plants must be 0 or more, but is {plants}.")
     known = scenarios(axis, plants, seed)
     thetas, shares = (jnp.asarray(np.array(x)) for x in zip(*known.values(), strict=True))
     swept = grid(

@@ -84,15 +84,18 @@ class SweepResult(Result):
     def text(self) -> str:
         """Return the result as text: best bandwidths, and the number of diverged loops."""
         data = self.found.data
-        header = ("designed for", "duration_s", "parameter", "best w (rad/s)", "worst J_f", "unit")
-        title = f"Least squares, worst of all scenarios, gains {_usual(data)}"
+        header = ("target", "duration (s)", "parameter", "best w (rad/s)", "largest J_f", "unit")
+        title = f"Least-squares error bound J_f, worst case of all scenarios, gains {_usual(data)}"
         table = plots.text_table(header, self.summary(), title)
         count = int(data.tracking_error.count())
         diverged = int(np.isinf(data.tracking_error).sum())
-        loops = f"{count} closed loops, seed {data.seed}; {diverged} diverge."
+        loops = f"{count} closed loops (seed {data.seed}), of which {diverged} diverged."
         kept = data.outside.where(np.isfinite(data.tracking_error))
         share = f"{float(kept.mean()):.1%}"
-        misses = f"J_f is no guarantee: θ is outside of θ̂ ± J_f in {share} of cases."
+        misses = (
+            f"J_f is not a guaranteed bound: in {share} of the runs a true parameter was outside "
+            "θ̂ ± J_f."
+        )
         return f"{table}\n{loops}\n{misses}"
 
 

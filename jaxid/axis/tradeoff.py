@@ -78,7 +78,7 @@ def tradeoff(
             )
             part = write(out / place, DesignResult(one), replace=replace)
         else:
-            tell(f"{place}: what it is worth")
+            tell(f"{place}: evaluation")
             one, part = evaluated(longer, target, search, saved.motion, least), saved.part
         found.append(one)
         results[f"{place}/{DesignResult.name}"] = part.digest
@@ -106,8 +106,8 @@ def _kept(
         return saved
     require(
         replace or not (folder / "design.json").exists(),
-        f"{folder} holds a design that is none of this axis and search: choose another folder, "
-        "or allow to replace it with --force.",
+        f"{folder} has a design that was made with another axis file or other search settings: "
+        "choose another folder, or use --force to overwrite it.",
     )
     require_writable(folder, DesignResult.names, replace=replace)
     return None

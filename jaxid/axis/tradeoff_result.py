@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import msgspec
 
+from jaxid.axis.design_result import HEADINGS, TITLE, evaluation_cells
 from jaxid.axis.file import Axis
 from jaxid.axis.result import Result
 from jaxid.axis.summaries import TradeoffRow
@@ -62,10 +63,15 @@ class TradeoffResult(Result):
 
     def text(self) -> str:
         """Return the comparison of the motions as a text table."""
-        cells = [msgspec.structs.astuple(row) for row in self.summary()]
-        return plots.text_table(
-            _COLUMNS, cells, "Predicted guaranteed half-widths, before the data"
-        )
+        rows = [
+            (one.target, f"{duration_of(one.axis):g}", name, unit, *evaluation_cells(worth))
+            for one in self.found.designs
+            for name, unit, worth in zip(
+                one.axis.system.names, one.axis.system.units, one.worth.by_parameter, strict=True
+            )
+        ]
+        header = ("target", "duration (s)", "parameter", "unit", *HEADINGS)
+        return plots.text_table(header, rows, TITLE)
 
 
 def page(found: Tradeoff) -> bytes:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from jaxid._checks import require_concrete, require_float64
+from jaxid._text import at_most, quantity
 from jaxid.loop.log import Log
 from jaxid.model.system import System
 
@@ -17,8 +18,8 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
             account.
 
     Example:
-        >>> jd.assumptions(slide, log)[1]
-        'Everything unmodelled is at all times at most δ: 6 N.'
+        >>> jd.assumptions(slide, log)[2]
+        'The sum Δ of all unmodelled effects never exceeds δ in magnitude: 6 N.'
     """
     require_float64(system=system, logs=logs)
     require_concrete(
@@ -30,14 +31,17 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
         for term, low, high in zip(system.terms, system.lower, system.upper, strict=True)
     )
     most = system.disturbance_bound.describe(system.input_unit, f"{length}/s")
-    together = ("All logs are of one axis, whose parameters and zero of position stayed the same.",)
+    together = ("All logs are of one axis with the same parameters and the same zero of position.",)
     estimated = (
-        f"What multiplies {name} is estimated by samples: its slopes were not bounded."
+        f"The regressor of {name} is user-defined without slope bounds: its range was estimated "
+        "from samples, so that these intervals are estimates, not guarantees."
         for name in system.estimated
     )
     return (
-        f"The box: {box}.",
-        f"Everything unmodelled is at all times at most δ: {most}.",
+        f"The axis obeys {system.equation}, without any other term.",
+        f"The prior intervals contain the true parameters: {box}.",
+        f"The sum Δ of all unmodelled effects never exceeds δ in magnitude: {most}.",
+        f"The input u is known exactly, scale and sign included, in {system.input_unit}.",
         *dict.fromkeys(_of_the_servos(logs, length, delay)),
         *(together if len(logs) > 1 else ()),
         *estimated,
@@ -46,13 +50,22 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
 
 def _of_the_servos(logs: Sequence[Log], length: str, delay: int) -> Iterator[str]:
     """Yield the assumptions on each servo once, with the largest jitter of its logs."""
-    jitters: dict[tuple[str, float], float] = {}
+    jitters: dict[tuple[float, float], float] = {}
     for log in logs:
-        servo = f"{float(log.period):.4g}", float(log.resolution) / 2
+        servo = float(f"{float(log.period):.4g}"), float(log.resolution) / 2
         jitters[servo] = max(jitters.get(servo, 0.0), float(log.jitter))
-    late = f"{delay} periods later" if delay else "without delay"
+    periods = "sample period" if delay == 1 else "sample periods"
+    late = f"acts {delay} {periods} after its command" if delay else "acts without delay"
     for (period, half), jitter in jitters.items():
-        encoder = f"to {half:.4g} {length}" if half > 0 else "exactly"
-        steady = f"; both up to {jitter:.4g} s too early or too late" if jitter > 0 else ""
-        yield f"The input acts as commanded, {late}, and is held for {period} s."
-        yield f"The encoder reads the position at the beginning of each hold, {encoder}{steady}."
+        error = f"with an error of at most ±{quantity(half, length)}" if half > 0 else "exactly"
+        yield (
+            f"The input {late} and is held constant (zero-order hold) over each sample period of "
+            f"{quantity(period, 's')}."
+        )
+        yield (
+            f"The position is sampled at the start of each sample period, {error}; its scale is "
+            "exact."
+        )
+        if jitter > 0:
+            most = quantity(float(at_most(jitter)), "s")
+            yield f"These instants deviate from equal spacing by at most {most}."

@@ -59,8 +59,7 @@ def feasible_set(
     needed = needed_factor(logged, program, misfit)
     require(
         needed <= 1.0,
-        "Argument `logged`: no θ of the prior box explains these data with |Δ| ≤ δ. δ, the box or "
-        "the errors of the sensor are too small, or an input is not what was commanded.",
+        "Argument `logged`: no parameter vector of the prior box explains these data with |Δ| ≤ δ.",
         InconsistentLogError,
     )
     axes = np.eye(len(system.names))
@@ -75,8 +74,8 @@ def feasible_set(
     for name, low, high in zip(system.names, lower, upper, strict=True):
         require(
             float(low) <= float(high),
-            f"Argument `others`: their intervals for {name} and the feasible set of these data do "
-            f"not intersect ({float(low):.6g} is above {float(high):.6g}).",
+            f"Argument `logged` requires {name} ≥ {float(low):.6g}, but also {name} ≤ "
+            f"{float(high):.6g}, together with the estimates `others`.",
             InconsistentLogError,
         )
     return FeasibleSet(lower, upper)

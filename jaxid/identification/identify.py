@@ -174,10 +174,9 @@ class _Progress:
             InconsistentLogError: if they contradict the system.
         """
         if self.factor > 1:
-            cause = "; an input, a unit or a sign must be wrong" if self.factor == MOST else ""
             raise InconsistentLogError(
-                f"No θ of the prior box explains the logs unless the disturbance bound is at least "
-                f"{at_least(self.factor)}·δ{cause}.",
+                "No parameter vector of the prior box explains the data unless the disturbance "
+                f"bound is at least {at_least(self.factor)}·δ.",
                 self.factor,
             )
         if self.refusal is not None:
@@ -216,8 +215,9 @@ class _Progress:
         self.refusal = sentence
         if len(self.parts) > 1:
             self.refusal = (
-                f"No θ of the prior box explains the first {len(self.parts)} batches of the logs "
-                "together with |Δ| ≤ δ, though it may explain each of them."
+                "No parameter vector of the prior box explains the first "
+                f"{len(self.parts)} batches of the data together, though one may explain each of "
+                "them."
             )
             logs = most_informative(self._with_room, self.parts, self.sizes, first=self.parts[-1])
             weights = knots_by_length(self.sizes.knots_together, logs)

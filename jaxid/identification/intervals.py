@@ -122,9 +122,8 @@ def narrowed_to(system: System, lower: Float[Array, " m"], upper: Float[Array, "
     for name, low, high in zip(system.names, lower, upper, strict=True):
         require(
             float(low) <= float(high),
-            f"Argument `logs`: they are inconsistent with the system. They require {name} ≥ "
-            f"{float(low):.6g}, but its prior interval and the earlier data allow only {name} ≤ "
-            f"{float(high):.6g}. Widen that interval, increase δ, or check the resolution.",
+            f"Argument `logs` requires {name} ≥ {float(low):.6g}, but the prior interval of {name} "
+            f"and the earlier data allow only {name} ≤ {float(high):.6g}.",
             InconsistentLogError,
         )
     return system.with_box(lower, upper)

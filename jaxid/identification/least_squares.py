@@ -58,7 +58,8 @@ def fit_least_squares(system: System, logs: Sequence[Log], means: int = 2000) ->
     phi, u, time, position, velocity = (np.concatenate(x) for x in zip(*parts, strict=True))
     require(
         len(u) > phi.shape[1],
-        f"Argument `logs` must have more than {phi.shape[1]} times {width} ticks on end for a fit.",
+        f"Argument `logs` must have more than {phi.shape[1] * width} consecutive samples for a "
+        "least-squares fit.",
     )
     size = np.linalg.norm(phi, axis=0)
     scaled = phi / np.where(size > 0, size, 1.0)
@@ -67,7 +68,8 @@ def fit_least_squares(system: System, logs: Sequence[Log], means: int = 2000) ->
     mixed = [name for name, part in zip(system.names, unseen, strict=True) if part > _PART]
     require(
         not mixed,
-        f"Argument `logs`: the motion does not tell {' and '.join(mixed)} apart.",
+        f"Argument `logs` does not identify {' and '.join(mixed)} separately: record a motion with "
+        "several speeds and accelerations in both directions.",
     )
     weights = np.linalg.pinv(scaled) / size[:, None]
     theta = weights @ u

@@ -56,15 +56,16 @@ def state_bounds(system: System, log: Log) -> StateBounds:
     if is_concrete(found):
         require(
             bool(jnp.all(jnp.isfinite(found.velocity.upper))),
-            f"Argument `log`: its period of {float(log.period):g} s is too long to bound a "
-            "velocity from the prior box: the axis could accelerate without limit within it.",
+            f"Argument `log` has a sample period of {float(log.period):g} s, which is too long to "
+            "bound a velocity with this prior box: the axis could accelerate without limit within "
+            "it. A narrower prior box or a shorter period is needed.",
         )
         room = jnp.where(log.took_place(), found.velocity.half_width, jnp.inf)
         tick = int(jnp.argmin(room))
         require(
             float(room[tick]) >= 0,
-            "Argument `log`: no axis with θ in the prior box and |Δ| ≤ δ can have produced it; its "
-            f"positions and inputs contradict each other around sample {tick}.",
+            f"Argument `log` is inconsistent around sample {tick}: with these inputs, no axis with "
+            "θ in the prior box and |Δ| ≤ δ moves through these positions.",
             InconsistentLogError,
         )
     return found

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.io import loadmat
 
 from jaxid._checks import require
+from jaxid.loop.log import Log
 
 _CHUNK = 1_000_000  # rows of a CSV file that are in memory as text at a time
 _HEAD = 200  # lines, at most, before the first row of numbers
@@ -91,6 +92,31 @@ def read_log(path: Path, columns: Columns) -> Recorded:
         position * columns.position_unit,
         input * columns.input_unit,
     )
+
+
+def log_bytes(log: Log, columns: Columns, delay: int = 0) -> bytes:
+    """Return the content of a CSV file of a log, as a drive records it.
+
+    Args:
+        log: log, whose inputs are those that acted.
+        columns: columns of the file and their units, by which `read_log` reads it again; all other
+            columns are zero.
+        delay: number of sample periods from a command until it acts.
+    """
+    position = np.asarray(log.position)
+    acting = np.asarray(log.input)
+    commanded = np.append(acting, acting[-1:])[delay:]  # the last command acts after the log
+    values: dict[Column, np.ndarray] = {}
+    if columns.time is not None:
+        values[columns.time] = np.arange(position.size) * float(log.period) / columns.time_unit
+    values[columns.position] = position / columns.position_unit
+    values[columns.input] = np.pad(commanded, (0, delay), mode="edge") / columns.input_unit
+    numbered = {column: x for column, x in values.items() if isinstance(column, int)}
+    named = {column: x for column, x in values.items() if isinstance(column, str)}
+    table: dict[str, np.ndarray] = {}
+    for number in range(1, max(numbered, default=0) + 1):
+        table[f"column_{number}"] = numbered.get(number, np.zeros(position.size))
+    return pd.DataFrame(table | named).to_csv(index=False, float_format="%.12g").encode()
 
 
 def _read_csv(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, " n"]]:

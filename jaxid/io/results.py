@@ -86,8 +86,8 @@ def read_result(folder: Path, name: str) -> tuple[Part, dict[str, bytes]]:
         changed = "removed" if data is None else "changed"
         require(
             data is not None and sha256(data) == part.files[file],
-            f"File {folder / file} was {changed} after the {name}: put it back as it was, or write "
-            f"the folder anew, by jaxid {name} --force.",
+            f"File {folder / file} was {changed} after jaxid {name} wrote it: restore it, or "
+            f"repeat jaxid {name} with --force.",
         )
     return part, {file: data for file, data in found.items() if data is not None}
 
@@ -112,13 +112,12 @@ def require_writable(folder: Path, files: Collection[str], *, replace: bool) -> 
     here = Path.cwd()
     require(
         not whole.exists() or whole not in (here, *here.parents),
-        f"Folder {folder} is replaced as a whole, and cannot be while you are in it: change to "
+        f"Folder {folder} cannot be replaced while the current directory is in it: change to "
         f"{whole.parent} first.",
     )
     require(
         not whole.is_mount(),
-        f"Folder {folder} is replaced as a whole, and cannot be since it is a mount point: name a "
-        "folder in it.",
+        f"Folder {folder} is a mount point, which cannot be replaced: name a folder in it.",
     )
     _require_free(folder, files, replace=replace)
 
@@ -128,10 +127,11 @@ def _require_free(
 ) -> None:
     """Raise an error if files would be replaced, or mixed with a user's, without permission."""
     there = [str(folder / name) for name in files if (folder / name).exists()]
-    quicker = " If they are new, another run was quicker; nothing of this one was written."
+    exist = "already exists" if len(there) == 1 else "already exist"
+    first = " If new, another run finished first; nothing of this run was written." if late else ""
     require(
         replace or not there,
-        f"{', '.join(there)} would be replaced: allow it with --force.{quicker if late else ''}",
+        f"{', '.join(there)} {exist}; use --force to overwrite.{first}",
     )
     if replace or manifest_in(folder) or not folder.exists():
         return
@@ -139,8 +139,8 @@ def _require_free(
     shown = ", ".join(strange[:_SHOWN]) + (", …" if len(strange) > _SHOWN else "")
     require(
         not strange,
-        f"Folder {folder} holds {shown}, which jaxid did not write: name another folder, or allow "
-        "with --force to add to it; what it holds is kept.",
+        f"Folder {folder} has files that jaxid did not write ({shown}): name another folder, or "
+        "use --force to add the results; your files are kept.",
     )
 
 
@@ -157,8 +157,8 @@ def _require_unchanged(folder: Path, part: Part) -> None:
         now = known.parts.get(place.name) if known else None
         require(
             now is not None and now.digest == digest,
-            f"The {place.name} in {place.parent} was replaced in the meantime; nothing was "
-            "written: start again.",
+            f"The {place.name} in {place.parent} was replaced by another run in the meantime; "
+            "nothing was written. Start again.",
         )
 
 
@@ -167,13 +167,13 @@ def _part(folder: Path, name: str) -> Part:
     manifest = manifest_in(folder)
     if manifest is None:
         raise ValueError(
-            f"Folder {folder} must be one of jaxid {name}, but has no {MANIFEST} that can be read: "
-            f"write it anew, by jaxid {name}."
+            f"Folder {folder} must be a result of jaxid {name}, but has no {MANIFEST} that can be "
+            f"read: run jaxid {name} first."
         )
     require(
         name in manifest.parts,
-        f"Folder {folder} must be one of jaxid {name}, but by its {MANIFEST} it is one of jaxid "
-        f"{', '.join(manifest.parts)}.",
+        f"Folder {folder} must be a result of jaxid {name}, but by its {MANIFEST} it is one of "
+        f"jaxid {', '.join(manifest.parts)}.",
     )
     return manifest.parts[name]
 

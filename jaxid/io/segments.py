@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxid._checks import require
+from jaxid._text import quantity
 from jaxid.io.log_file import Recorded
 from jaxid.loop.log import JITTER, Log, filled
 
@@ -69,8 +70,9 @@ def steady_segments(
     ]
     require(
         bool(found),
-        f"Argument `recorded` has no {_LEAST + 1 + delay} rows on end that are {period:g} s apart "
-        f"to {JITTER:.0%}; its {n} rows cannot be read as ticks of that servo.",
+        f"Argument `recorded` has no {_LEAST + 1 + delay} consecutive samples that are "
+        f"{quantity(period, 's')} ± {JITTER:.0%} apart, among {n} rows. Check `time_unit`, "
+        "`servo.period` and missing samples.",
     )
     lengths = {piece.log.input.size for piece in found}
     if len(lengths) > _SHAPES:  # pad, or each length would be compiled
@@ -81,14 +83,15 @@ def steady_segments(
 def _require_clock(time: Float[np.ndarray, " n"], period: float) -> None:
     forward = np.diff(time)
     forward = forward[forward > 0]
-    require(forward.size > 0, "Argument `recorded` has no two rows one after the other in time.")
+    require(forward.size > 0, "Argument `recorded` has no two rows with increasing time stamps.")
     usual = float(np.median(forward))
     thousands = round(np.log10(usual / period) / 3)
-    hint = " Is the unit of time right?" if thousands else ""
+    hint = " The unit of time is probably wrong (`log.time_unit`)." if thousands else ""
     require(
         abs(usual / period - 1) <= _CLOCKS,
-        f"Argument `recorded`: its rows are {usual:.6g} s apart, but the period of the servo is "
-        f"{period:g} s. An input must be held from row to row.{hint}",
+        f"Argument `recorded` is sampled every {quantity(float(f'{usual:.6g}'), 's')}, but "
+        f"`servo.period` is {quantity(period, 's')}. Log every servo period, since the input of "
+        f"each hold interval is needed, or correct `servo.period`.{hint}",
     )
 
 

@@ -39,6 +39,11 @@ class Regressor(eqx.Module):
         """True if `range` is certain to contain all values of f, False if samples estimate it."""
         return True
 
+    @property
+    def formula(self) -> str:
+        """The function f as text, for reports; default the name of the class."""
+        return f"{type(self).__name__}(y, ẏ)"
+
 
 class Custom(Regressor):
     """A user-defined regressor f(y, ẏ), with or without bounds on its partial derivatives.
@@ -107,6 +112,11 @@ class Custom(Regressor):
         """True if `slopes` is given, so that `range` is certain to contain all values of f."""
         return self.slopes is not None
 
+    @property
+    def formula(self) -> str:
+        """The name of the function, as text for reports."""
+        return f"{getattr(self.function, '__name__', 'f').replace('<lambda>', 'f')}(y, ẏ)"
+
 
 class Viscous(Regressor):
     """Viscous friction: the regressor f = ẏ, in m/s or rad/s."""
@@ -121,6 +131,11 @@ class Viscous(Regressor):
     def range(self, position: Range, velocity: Range) -> Range:
         """Return the range of the velocity, which is that of f."""
         return velocity
+
+    @property
+    def formula(self) -> str:
+        """The text ẏ."""
+        return "ẏ"
 
 
 class Coulomb(Regressor, Nonsmooth):
@@ -161,6 +176,11 @@ class Coulomb(Regressor, Nonsmooth):
         """Return a copy that is flattened around zero over a further `speed` (m/s or rad/s)."""
         return Coulomb(self.beta, self.blend + speed)
 
+    @property
+    def formula(self) -> str:
+        """The text (2/π)·arctan(β·ẏ), with the number β."""
+        return f"(2/π)·arctan({float(self.beta):g}·ẏ)"
+
 
 class Constant(Regressor):
     """A constant offset of the input: the regressor f = 1."""
@@ -175,6 +195,11 @@ class Constant(Regressor):
     def range(self, position: Range, velocity: Range) -> Range:
         """Return the range that holds only 1, in the shape of the velocity."""
         return exactly(jnp.ones_like(velocity.lower))
+
+    @property
+    def formula(self) -> str:
+        """The text 1."""
+        return "1"
 
 
 class Sign(Regressor):
@@ -196,6 +221,11 @@ class Sign(Regressor):
         lower, upper = velocity
         return Range(jnp.where(lower > 0, 1.0, -1.0), jnp.where(upper < 0, -1.0, 1.0))
 
+    @property
+    def formula(self) -> str:
+        """The text sign(ẏ)."""
+        return "sign(ẏ)"
+
 
 class Spring(Regressor):
     """A linear spring: the regressor f = y − rest, in m or rad.
@@ -216,6 +246,11 @@ class Spring(Regressor):
     def range(self, position: Range, velocity: Range) -> Range:
         """Return the exact range of y − rest."""
         return position - self.rest
+
+    @property
+    def formula(self) -> str:
+        """The text (y − rest), with the number."""
+        return f"(y{_plus(-float(self.rest))})"
 
 
 class OneWay(Regressor):
@@ -254,6 +289,11 @@ class OneWay(Regressor):
         """True if the range of the other regressor is certain to contain all its values."""
         return self.regressor.proved
 
+    @property
+    def formula(self) -> str:
+        """The text of the other regressor, and the direction."""
+        return f"[{self.regressor.formula} for ẏ {'>' if self.forward else '<'} 0]"
+
 
 class Sine(Regressor):
     """A periodic force: f = sin(2π y/pitch + phase), such as gravity on a joint or cogging.
@@ -286,6 +326,13 @@ class Sine(Regressor):
         crest, trough = (_holds_multiple(low - x, high - x) for x in (jnp.pi / 2, -jnp.pi / 2))
         return Range(jnp.where(trough, -1.0, ends.lower), jnp.where(crest, 1.0, ends.upper))
 
+    @property
+    def formula(self) -> str:
+        """The text sin(2π·y/pitch + phase), with the numbers."""
+        pitch = float(self.pitch)
+        angle = "y" if math.isclose(pitch, 2 * math.pi) else f"2π·y/{pitch:g}"
+        return f"sin({angle}{_plus(float(self.phase))})"
+
     def _angle(self, position: Motion) -> Motion:
         return 2 * math.pi / self.pitch * position + self.phase
 
@@ -293,3 +340,8 @@ class Sine(Regressor):
 def _holds_multiple(low: Motion, high: Motion) -> Array:
     """Return whether a multiple of 2π lies between `low` and `high`."""
     return jnp.ceil(low / (2 * jnp.pi)) <= jnp.floor(high / (2 * jnp.pi))
+
+
+def _plus(number: float) -> str:
+    """Return a number as the second summand of a formula; nothing for zero."""
+    return f" {'+' if number > 0 else '−'} {abs(number):g}" if number else ""

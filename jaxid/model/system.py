@@ -46,7 +46,7 @@ class Term(eqx.Module):
     regressor: Regressor | None = None
 
     def __check_init__(self) -> None:
-        require_interval(f"interval of {self.name}", self.interval)
+        require_interval("interval", self.interval, f"the term {self.name}")
 
 
 class System(eqx.Module):
@@ -99,8 +99,8 @@ class System(eqx.Module):
             least = float(np.asarray(self.terms[0].interval)[0])
             require(
                 least > 0,
-                f"Argument `terms`: the inertia {self.terms[0].name} must be above zero all over "
-                f"its interval, but its lower end is {least:g}.",
+                f"Argument `terms`: the interval of the inertia {self.terms[0].name} must be above "
+                f"zero, but its lower end is {least:g}.",
             )
 
     @property
@@ -142,6 +142,16 @@ class System(eqx.Module):
     def estimated(self) -> tuple[str, ...]:
         """The names of the parameters whose regressors have a range estimated from samples only."""
         return tuple(t.name for t in self.terms if t.regressor and not t.regressor.proved)
+
+    @property
+    def equation(self) -> str:
+        """The model as text, such as u = M·ÿ + B·ẏ + Δ."""
+        products = (
+            term.name if formula == "1" else f"{term.name}·{formula}"
+            for term in self.terms
+            for formula in ("ÿ" if term.regressor is None else term.regressor.formula,)
+        )
+        return f"u = {' + '.join(products)} + Δ"
 
     def index(self, name: str) -> int:
         """Return the index of a parameter in θ.

@@ -103,7 +103,8 @@ def _remaining(system: System, input: Interval, load: Scalar) -> Interval:
     if is_concrete(remaining):
         require(
             float(remaining[0]) < 0 < float(remaining[1]),
-            f"Argument `input` must leave something for acceleration, but the terms of the system "
-            f"may take {float(load):g} {system.input_unit} of {list(map(float, input))}.",
+            f"Argument `input` = {list(map(float, input))} {system.input_unit} is too small: "
+            f"friction, offset and the other terms may need up to {float(load):g} "
+            f"{system.input_unit}, so that nothing remains for acceleration.",
         )
     return remaining / system.upper[0]

@@ -34,14 +34,14 @@ class InfeasibleError(ValueError):
         """
         self.shortest = shortest
         hint = (
-            f"no motion of up to {_MOST} intervals does"
+            f"No motion of up to {_MOST * period:g} s ({_MOST} intervals) does."
             if shortest is None
-            else f"the shortest that does has {shortest} intervals"
+            else f"The shortest one that does lasts {shortest * period:g} s ({shortest} intervals)."
         )
         super().__init__(
-            f"Argument `intervals`: no motion of {intervals} intervals of {period:g} s keeps the "
-            f"limits and via points (a linear program proves that all of them would have to be "
-            f"widened by {100 * shortage:.2g} % of their half-width); {hint}."
+            f"Argument `intervals`: no motion of {intervals * period:g} s ({intervals} intervals "
+            f"of {period:g} s) keeps the limits and via points, which a linear program proves: all "
+            f"limits would have to be widened by {shortage:.2%} of half their range. {hint}"
         )
 
 
@@ -69,9 +69,9 @@ def interior(
         raise InfeasibleError(intervals, period, -margin, shortest)
     if trajectory is None:
         raise ValueError(
-            f"Argument `intervals`: with {intervals} intervals of {period:g} s the admissible "
-            f"motions have no interior (largest margin {margin:.1e}): allow a longer motion or "
-            "wider limits."
+            f"Argument `intervals`: every motion of {intervals * period:g} s ({intervals} "
+            f"intervals of {period:g} s) touches a limit (largest margin {margin:.1e} of half the "
+            "range): allow a longer motion or wider limits."
         )
     return trajectory
 
@@ -87,8 +87,8 @@ def _require_inside(limits: Limits, boundary: Boundary) -> None:
         for name, low, high, limit in zip(States._fields, lower, upper, intervals, strict=True):
             require(
                 bool(low <= limit[1]) and bool(high >= limit[0]),
-                f"Argument `boundary`: no motion can meet it, because after {at:g} of its duration "
-                f"the {name} must be in [{float(low):g}, {float(high):g}], outside the limits "
+                f"Argument `boundary`: at {float(at):.4g} of the duration the {name} must be in "
+                f"[{float(low):g}, {float(high):g}], which is outside its limits "
                 f"[{float(limit[0]):g}, {float(limit[1]):g}].",
             )
 

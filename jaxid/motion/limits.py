@@ -50,7 +50,7 @@ class Limits(eqx.Module):
                 lower, upper = np.asarray(interval).tolist()
                 require(
                     lower < 0 < upper,
-                    f"Argument `{name}` must have zero inside, so that the axis can rest, but is "
+                    f"Argument `{name}` must contain zero, so that the axis can rest, but is "
                     f"({lower:g}, {upper:g}).",
                 )
 

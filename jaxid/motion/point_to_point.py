@@ -30,11 +30,10 @@ def approach(limits: Limits, home: float, start: float, period: float) -> JerkTr
         ValueError: if `home` or `start` is outside the position limits.
     """
     low, high = (float(end) for end in limits.position)
-    for name, position in (("home", home), ("start", start)):
+    for name, position in (("start", start), ("home", home)):
         require(
             low <= position <= high,
-            f"Argument `{name}` must be between the limits {low:g} and {high:g} of the position, "
-            f"but is {position:g}.",
+            f"Argument `{name}` = {position:g} is outside the position limits [{low:g}, {high:g}].",
         )
     if home == start:
         return wait(home, 0, period)

@@ -182,8 +182,8 @@ def ticks(trajectory: JerkTrajectory, period: float) -> int:
     exact = duration / period
     require(
         abs(exact - round(exact)) < 1e-6,
-        f"Argument `period` must divide the duration {duration:g} s of the motion, "
-        f"but {period:g} s goes into it {exact:.6g} times.",
+        f"Argument `period` = {period:g} s must divide the duration of the motion, {duration:g} s, "
+        f"which is {exact:.6g} periods.",
     )
     return round(exact)
 
