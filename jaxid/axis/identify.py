@@ -4,10 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-import jax.numpy as jnp
 import msgspec
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from jaxid._checks import require
 from jaxid._text import at_least, at_most, between, quantity
@@ -20,6 +19,7 @@ from jaxid.identification.batches import SIZES
 from jaxid.identification.falsification import LEAST
 from jaxid.identification.identify import Identification, identify
 from jaxid.identification.least_squares import LeastSquaresFit, fit_least_squares
+from jaxid.identification.residuals import Residuals, residuals
 from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes
 from jaxid.io.log_file import Recorded
@@ -29,6 +29,7 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 
 _SHOWN = 10  # segments that are listed
+_ROOM = 1.1  # of a factor of δ that is proved to be needed: with it, state bounds are not empty
 _ABSURD = 20.0  # half-widths of a limit: beyond it, a unit must be wrong
 
 
@@ -42,6 +43,7 @@ class Identified(NamedTuple):
         result: guaranteed intervals; None if the log is inconsistent with the axis.
         inconsistency: inconsistency of the log; None if there is none.
         fit: least-squares fit; None if the log does not identify all parameters separately.
+        residuals: residuals at the best θ of the prior box; None if the log is too inconsistent.
     """
 
     axis: Axis
@@ -50,6 +52,7 @@ class Identified(NamedTuple):
     result: Identification | None
     inconsistency: InconsistentLogError | None
     fit: LeastSquaresFit | None
+    residuals: Residuals | None
 
 
 def identify_axis(
@@ -74,9 +77,22 @@ def identify_axis(
     logs = [piece.log for piece in found]
     fit = _fit_if_possible(system, logs)
     try:
-        return Identified(axis, recorded, found, identify(system, logs, report=tell), None, fit)
-    except InconsistentLogError as inconsistency:
-        return Identified(axis, recorded, found, None, inconsistency, fit)
+        result, inconsistency = identify(system, logs, report=tell), None
+    except InconsistentLogError as error:
+        result, inconsistency = None, error
+    tell("residuals")
+    shown = _residuals_if_possible(system, logs, inconsistency)
+    return Identified(axis, recorded, found, result, inconsistency, fit, shown)
+
+
+def _residuals_if_possible(
+    system: System, logs: Sequence[Log], inconsistency: InconsistentLogError | None
+) -> Residuals | None:
+    factor = 1.0 if inconsistency is None else inconsistency.factor or 1.0
+    try:
+        return residuals(system, logs, max(1.0, _ROOM * factor))
+    except InconsistentLogError:
+        return None
 
 
 def _fit_if_possible(system: System, logs: Sequence[Log]) -> LeastSquaresFit | None:
@@ -270,29 +286,48 @@ def _not_identifiable(system: System, name: str, direction: Float[np.ndarray, " 
 
 
 def page(found: Identified) -> bytes:
-    """Return a picture of the least-squares residual over time, velocity and position, as PNG.
+    """Return a picture of the residual beside its bound, over time, velocity and position, as PNG.
 
-    The bounds ±δ are drawn beside it.
+    The bound is δ with the errors of the measurement. Of a consistent log no residual exceeds it.
     """
-    system = found.axis.system
-    rest = found.fit or LeastSquaresFit(*np.zeros((6, 0)))
+    system, one = found.axis.system, found.residuals
     unit = UNITS[system.coordinate]
     canvas, panels = plots.figure(1, 3, (12.0, 4.2))
-    bound = np.asarray(
-        system.disturbance_bound(jnp.asarray(rest.position), jnp.asarray(rest.velocity))
-    )
-    views: tuple[tuple[str, Array | np.ndarray], ...] = (
-        ("time (s)", rest.time),
-        (f"velocity ({unit}/s)", rest.velocity),
-        (f"position ({unit})", rest.position),
-    )
-    for panel, (name, x) in zip(panels, views, strict=True):
-        order = np.argsort(x)
-        for sign in (-1, 1):
-            panel.plot(x[order], sign * bound[order], color=plots.GREY, linewidth=1.2)
-        panel.plot(x, rest.residual, ".", color=plots.BLUE, markersize=2.5)
+    names = ("time (s)", f"velocity ({unit}/s)", f"position ({unit})")
+    for panel, name in zip(panels, names, strict=True):
         plots.label(panel, name, "")
-    title = "" if found.fit else "no fit by least squares"
-    rest_of = f"rest of least squares ({system.input_unit}), ±δ grey"
-    plots.label(panels[0], views[0][0], rest_of, title)
+    panels[0].set_ylabel(f"residual ({system.input_unit})", fontsize=12)
+    panels[1].set_ylabel("residual / its bound", fontsize=12)
+    if one is None:
+        panels[1].set_title("positions and inputs are too inconsistent for a residual", fontsize=12)
+        return plots.png(canvas)
+    _draw_residuals(panels, one)
+    canvas.suptitle(
+        "Residual of the best parameters in the prior box (means over "
+        f"{2 * one.half_width} samples): up to {float(np.max(np.abs(one.ratio))):.2g} times its bound",
+        fontsize=12,
+    )
     return plots.png(canvas)
+
+
+def _draw_residuals(panels: Sequence[plots.Axes], one: Residuals) -> None:
+    beyond = np.abs(one.ratio) > 1.0
+    order = np.argsort(one.time)
+    panels[0].fill_between(
+        one.time[order],
+        -one.bound[order],
+        one.bound[order],
+        color=plots.GREY,
+        alpha=0.25,
+        linewidth=0,
+        label="bound: δ + measurement error",
+    )
+    ratio = one.ratio
+    views = ((one.time, one.residual), (one.velocity, ratio), (one.position, ratio))
+    for panel, (x, y) in zip(panels, views, strict=True):
+        panel.plot(x[~beyond], y[~beyond], ".", color=plots.BLUE, markersize=3)
+        if beyond.any():
+            panel.plot(x[beyond], y[beyond], ".", color=plots.RED, markersize=5, label="exceeds it")
+    for panel in panels[1:]:
+        plots.limit_lines(panel, (-1.0, 1.0))
+    panels[0].legend(fontsize=10)
