@@ -38,4 +38,5 @@ def quantity(value: float, unit: str) -> str:
 
 
 def _rounded(value: float, context: Context) -> str:
-    return f"{float(context.create_decimal_from_float(value)):.15g}"
+    # the shortest text of a number is the one that a user typed: 0.1, and not 0.1000000000000000056
+    return f"{float(context.create_decimal(repr(float(value)))):.15g}"

@@ -277,7 +277,7 @@ def test_one_level_of_the_disturbance_is_enough(read):
             "either by .*terms.* or by `python`",
         ),
         ("gain = 1.0", "gain = 0.0", r"`gain` must not be zero, in \[input\]"),
-        ("delay = 0 ", "delay = -1 ", r"`delay` must be 0 or more, but is -1, in \[input\]"),
+        ("delay = 0 ", "delay = -1 ", r"`delay` must be 0 to 10000, but is -1, in \[input\]"),
         ("delay = 0 ", "delay = 0.5 ", "`input.delay` must be a whole number, but is a fraction"),
         ('unit = "V" ', 'unit = "kg" ', "`input.unit` must be one of A, N, N m, V, but is 'kg'"),
         (

@@ -25,9 +25,14 @@ def modules() -> dict[str, Path]:
 
 
 def imports_of(path: Path, known: set[str]) -> set[str]:
-    """The modules of the package that a file imports."""
+    """The modules of the package that a file imports; by name only, and none of the experiments."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
+        name = node.id if isinstance(node, ast.Name) else getattr(node, "attr", "")
+        assert name not in ("import_module", "__import__"), f"{path} imports by {name}"
+        if isinstance(node, ast.ImportFrom | ast.Import):
+            named = [getattr(node, "module", None) or "", *(alias.name for alias in node.names)]
+            assert not any(x.split(".")[0] in ("experiments", "tests") for x in named), path
         if isinstance(node, ast.ImportFrom) and node.module:
             assert node.level == 0, f"{path} has a relative import"
             inner = {f"{node.module}.{alias.name}" for alias in node.names}
@@ -35,6 +40,11 @@ def imports_of(path: Path, known: set[str]) -> set[str]:
         elif isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
     return found & known
+
+
+def test_the_files_that_name_folders_import_nothing():
+    for path in PACKAGE.glob("*/__init__.py"):
+        assert not imports_of(path, set(modules())), f"{path} imports"
 
 
 def floor_of(module: str) -> int:

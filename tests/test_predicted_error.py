@@ -11,7 +11,7 @@ from jaxid.design import optimal_motion as optimal_motion_file
 from jaxid.design.criteria import LeastSquaresError
 from jaxid.design.nominal_log import nominal_log, nominal_log_model
 from jaxid.design.optimal_motion import optimal_motion
-from jaxid.design.predicted_error import GuaranteedError, PredictedError
+from jaxid.design.predicted_error import PredictedError, PredictedErrorNear
 from jaxid.identification.intervals import guaranteed_intervals, narrowed
 from jaxid.io.files import read_trajectory
 from jaxid.motion.task import Task
@@ -35,7 +35,7 @@ def made(start, law=None, largest=True):
         system, guaranteed_intervals(system, [nominal_log(system, start, SERVO, law)], 100).estimate
     )
     model = nominal_log_model(system, start, SERVO, law)
-    return GuaranteedError(system, narrow, model, FLOOR, 2.0, largest, 100)
+    return PredictedErrorNear(system, narrow, model, FLOOR, 2.0, largest, 100)
 
 
 @pytest.fixture(scope="module")

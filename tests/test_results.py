@@ -120,3 +120,24 @@ def test_a_folder_of_somebody_else_is_asked_for(tmp_path, monkeypatch):
             require_writable(inside, ["sweep.nc"], replace=False)
     with pytest.raises(ValueError, match="is a mount point"):
         require_writable(Path("/proc"), ["sweep.nc"], replace=True)
+
+
+def test_what_a_user_keeps_under_a_name_of_ours_is_not_replaced(tmp_path):
+    """Not even with permission: a manifest of another program, a folder named like a file."""
+    (tmp_path / "app").mkdir()
+    (tmp_path / "app" / "manifest.json").write_text('{"name": "my web app"}')
+    (tmp_path / "odd" / "run.csv").mkdir(parents=True)
+    for folder, name in (("app", "manifest.json"), ("odd", "run.csv")):
+        said = f"{folder} has {name}, which jaxid did not write and does not replace"
+        with pytest.raises(ValueError, match=said):
+            require_writable(tmp_path / folder, ["run.csv"], replace=True)
+        with pytest.raises(ValueError, match=said):
+            write_result(tmp_path / folder, "run", PART, {"run.csv": b"1"}, replace=True)
+    assert (tmp_path / "app" / "manifest.json").read_text() == '{"name": "my web app"}'
+    assert (tmp_path / "odd" / "run.csv").is_dir()
+
+
+def test_a_place_that_is_no_folder_is_refused_before_long_work(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(ValueError, match="file is no folder, or not writable"):
+        require_writable(tmp_path / "file" / "x", ["run.csv"], replace=False)

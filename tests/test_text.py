@@ -13,9 +13,12 @@ digits = st.integers(1, 8)
 
 @given(numbers, digits)
 def test_a_printed_bound_is_on_its_side_and_near(value, count):
+    """A number is what its shortest text says, as a user typed it: it differs by 1e-16 of itself."""
     low, high = Fraction(at_least(value, count)), Fraction(at_most(value, count))
-    assert low <= Fraction(value) <= high
-    assert high - low <= abs(Fraction(value)) / 10 ** (count - 1)
+    typed = Fraction(repr(value))
+    assert low <= typed <= high
+    assert float(low) <= value <= float(high)
+    assert high - low <= abs(typed) / 10 ** (count - 1)
 
 
 def test_what_few_digits_say_is_said_with_few():
@@ -26,3 +29,4 @@ def test_what_few_digits_say_is_said_with_few():
     assert at_least(1000.0) == "1000"
     assert between(-0.123456, 0.123454) == "-0.12346 … 0.12346"
     assert between(0.0, 0.5) == "0 … 0.5"
+    assert between(0.1, 0.7) == "0.1 … 0.7"

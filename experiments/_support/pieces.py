@@ -5,6 +5,7 @@ import io
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,8 +41,11 @@ class Pieces(NamedTuple):
         """
         digest = hashlib.sha256(repr(asked).encode())
         for package in (jaxid, experiments):
-            for code in sorted(Path(str(package.__file__)).parent.rglob("*.py")):
-                digest.update(code.read_bytes())
+            top = Path(str(package.__file__)).parent
+            for code in sorted(top.rglob("*.py")):
+                digest.update(str(code.relative_to(top)).encode() + b"\0" + code.read_bytes())
+        for library in ("jax", "numpy", "scipy"):
+            digest.update(version(library).encode())
         for file in inputs:
             digest.update(file.read_bytes())
         return cls(path.with_name(f"{path.stem}_{digest.hexdigest()[:16]}.pieces"))

@@ -132,7 +132,8 @@ def design(
     """
     require(target, "--target must be a parameter name, all or wanted, but is empty.")
     known = read_axis(axis, run_python=run_python)
-    times = durations or (known.task.intervals * known.task.period,)
+    target = tuple(dict.fromkeys(target))
+    times = tuple(dict.fromkeys(durations)) or (known.task.intervals * known.task.period,)
     several = len(target) * len(times) > 1
     names = (TradeoffResult if several else DesignResult).names
     require_writable(out, names, replace=force)
@@ -215,7 +216,11 @@ def sweep(
     if found is None:  # another process has all of it
         return
     _tell_changed(axis, saved.designs.values(), known)
-    _finish(design, SweepResult(found), force)
+    try:
+        _finish(design, SweepResult(found), force)
+    except ValueError:  # another run has written its result: these blocks are of no more use
+        forget_blocks(design)
+        raise
     forget_blocks(design)
 
 

@@ -3,6 +3,7 @@
 The file is data. Reading it never runs code, unless the caller permits it.
 """
 
+import codecs
 import hashlib
 import importlib.util
 import sys
@@ -104,13 +105,15 @@ def read_axis(path: Path, *, run_python: bool = False) -> Axis:
     Raises:
         ValueError: if the file is invalid; the message names the file and the entry.
     """
-    data = path.read_bytes()
+    data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
     try:
         tables = msgspec.toml.decode(data, type=AxisTables)
         system = _system(tables, path, run_python)
         return _axis(tables, system, hashlib.sha256(data + _code(tables, path)).hexdigest())
     except msgspec.ValidationError as error:
         raise ValueError(f"File {path}: {explained(error, data)}") from None
+    except RecursionError:
+        raise ValueError(f"File {path}: its entries are nested too deeply.") from None
     except (msgspec.DecodeError, UnicodeDecodeError, ValueError) as error:
         raise ValueError(f"File {path}: {in_words_of_files(str(error))}") from None
 

@@ -302,9 +302,10 @@ def page(found: Identified) -> bytes:
         panels[1].set_title("positions and inputs are too inconsistent for a residual", fontsize=12)
         return plots.png(canvas)
     _draw_residuals(panels, one)
+    most = float(np.max(np.abs(one.ratio)))
     canvas.suptitle(
         "Residual of the best parameters in the prior box (means over "
-        f"{2 * one.half_width} samples): up to {float(np.max(np.abs(one.ratio))):.2g} times its bound",
+        f"{2 * one.half_width} samples): up to {most:.2g} times its bound",
         fontsize=12,
     )
     return plots.png(canvas)

@@ -20,6 +20,8 @@ Coordinate = Literal["linear", "rotary"]
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 _ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
 _TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_MOST = 10_000  # intervals of a motion, and sample periods of a delay: far more than can be used
+_RESERVED = ("all", "wanted")  # targets of a design that are no parameters
 Pair = tuple[float, float]
 Direction = Literal["both", "forward", "backward"]
 
@@ -54,11 +56,14 @@ class Kind(Table, tag_field="kind"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.name.strip() or set(self.name) & set("/\\"):
+        folder = self.name.strip(" .") and self.name.isprintable() and len(self.name) <= 50
+        if not folder or set(self.name) & set("/\\"):
             raise ValueError(
-                "`name` is used as a folder name, and must be text without / and \\, but is "
-                f"{self.name!r}"
+                "`name` is used as a folder name, and must be text of up to 50 characters without "
+                f"/ and \\, but is {self.name[:60]!r}"
             )
+        if self.name in _RESERVED:
+            raise ValueError(f"`name` must not be all or wanted, but is {self.name!r}")
 
     def regressor(self) -> Regressor | None:
         """Return the regressor of the term; None for the inertia."""
@@ -150,8 +155,8 @@ class _Input(Table):
         super().__post_init__()
         if self.gain == 0:
             raise ValueError("`gain` must not be zero")
-        if self.delay < 0:
-            raise ValueError(f"`delay` must be 0 or more, but is {self.delay}")
+        if not 0 <= self.delay <= _MOST:
+            raise ValueError(f"`delay` must be 0 to {_MOST}, but is {self.delay}")
 
     def pushed(self, commanded: Pair) -> Pair:
         """Return an interval of commands in the unit of the input."""
@@ -305,6 +310,11 @@ def whole(time: float, period: float, name: str) -> int:
         ValueError: if it is not a whole number, one or more.
     """
     count = time / period if period > 0 else 0.0
+    if not count <= _MOST:
+        raise ValueError(
+            f"{name} = {time:g} s must be at most {_MOST} times `motion.knot_period` = "
+            f"{period:g} s."
+        )
     if count < 1 or abs(count - round(count)) > 1e-6:
         raise ValueError(
             f"{name} = {time:g} s must be a whole multiple of `motion.knot_period` = {period:g} s."

@@ -83,7 +83,10 @@ class SimulateResult(Result):
             (name, one.unit, one.exceeded_by, one.smallest_margin)
             for name, one in said.limits.items()
         ]
-        lengths = [(name, x.unit, x.median, x.largest) for name, x in said.half_widths.items()]
+        lengths = [
+            (name, x.unit, x.median, None if x.largest is None else at_most(x.largest, 4))
+            for name, x in said.half_widths.items()
+        ]
         title = (
             f"Half-widths of the intervals from {said.logs} simulated logs; "
             f"{said.logs_missing_the_truth} of {said.logs} logs had a true parameter outside its "

@@ -19,8 +19,8 @@ class DesignedParameter(msgspec.Struct, frozen=True, kw_only=True):
         least_squares: worst-case error of least squares of exact signals (16), in the unit.
         predicted: predicted guaranteed half-width in the unit: that from the log of an undisturbed
             axis at the centre of its prior box.
-        lower_bound: proved lower bound on the guaranteed half-width of any motion within the limits
-            and any estimator, in the unit.
+        lower_bound: proved lower bound on the half-width that any motion within the limits and any
+            estimator can promise before the data are known, in the unit.
         gap: relative optimality gap predicted / lower_bound − 1.
         predicted_with_delta_times: predicted guaranteed half-width in the unit if δ were multiplied
             by a factor, by the factor.
@@ -75,8 +75,8 @@ class TradeoffRow(msgspec.Struct, frozen=True, kw_only=True):
         unit: unit of the parameter.
         least_squares: worst-case error of least squares of exact signals (16), in the unit.
         predicted: predicted guaranteed half-width, in the unit.
-        lower_bound: proved lower bound on the guaranteed half-width of any motion within the limits
-            and any estimator, in the unit.
+        lower_bound: proved lower bound on the half-width that any motion within the limits and any
+            estimator can promise before the data are known, in the unit.
         gap: relative optimality gap predicted / lower_bound − 1.
     """
 

@@ -113,10 +113,11 @@ def study(
         for one in designs.values()
     }
     gains = [f"× {factor:g}" for factor in factors]
-    require(
-        min(factors, default=0.0) > 0 and len(set(gains)) == len(gains),
-        f"--factors must be distinct numbers above zero, but are {list(factors)}.",
-    )
+    for name, values in (("bandwidths", bandwidths), ("factors", factors)):
+        require(
+            all(0 < x < np.inf for x in values) and len({f"{x:g}" for x in values}) == len(values),
+            f"--{name} must be distinct numbers above zero, but are {list(values)}.",
+        )
     require(plants >= 0, f"--plants must be 0 or more, but is {plants}.")
     known = scenarios(axis, plants, seed)
     thetas, shares = (jnp.asarray(np.array(x)) for x in zip(*known.values(), strict=True))

@@ -21,8 +21,8 @@ class ParameterEvaluation(NamedTuple):
         least_squares: worst-case error of least squares of exact signals (16), in the unit of the
             parameter.
         predicted: predicted guaranteed half-width, in the unit of the parameter.
-        lower_bound: proved lower bound on the guaranteed half-width of any motion and estimator, in
-            the unit of the parameter.
+        lower_bound: proved lower bound on the half-width that any motion and any estimator can
+            promise before the data are known, in the unit of the parameter.
         gap: relative optimality gap predicted / lower_bound − 1.
     """
 
@@ -40,8 +40,8 @@ class Evaluation(NamedTuple):
         predicted: predicted guaranteed half-width, with servo, encoder and prior box: that from
             the log of an undisturbed axis at the centre of the prior box that follows the motion. A
             real log determines the actual one by `jaxid.identify`, which may be larger or smaller.
-        lower_bound: proved lower bound on the guaranteed half-width of any motion within the limits
-            and any estimator.
+        lower_bound: proved lower bound on the half-width that any motion within the limits and any
+            estimator can promise before the data are known; data may happen to prove more.
         estimated: names of parameters whose lower bound is an estimate.
     """
 

@@ -14,7 +14,7 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Array, Float
 
-from jaxid._checks import is_concrete, require, require_at_least_zero
+from jaxid._checks import is_concrete, require, require_at_least_zero, require_float64
 from jaxid._types import Scalar, as_array
 from jaxid.design.criteria import Criterion, LeastSquaresError
 from jaxid.design.nominal_log import NominalLog, States, nominal_log, nominal_log_model
@@ -40,7 +40,7 @@ _CORNER = 30.0
 Weights = tuple[Float[Array, "m rows"], Float[Array, "m m"]]
 
 
-class GuaranteedError(StagedObjective):
+class PredictedErrorNear(StagedObjective):
     """The log of the largest predicted guaranteed error, relative to the target of each parameter.
 
     Attributes:
@@ -176,14 +176,14 @@ def _modelled(model: NominalLog, trajectory: JerkTrajectory) -> tuple[Log, State
 
 @eqx.filter_jit
 def _program(
-    error: GuaranteedError, log: Log, states: States, bounds: StateBounds, smoothing: Scalar
+    error: PredictedErrorNear, log: Log, states: States, bounds: StateBounds, smoothing: Scalar
 ) -> tuple[Array, ...]:
     return error._program(error._rows(log, states, bounds, smoothing))
 
 
 @eqx.filter_jit
 def _value_and_slope(
-    error: GuaranteedError,
+    error: PredictedErrorNear,
     trajectory: JerkTrajectory,
     smoothing: Scalar,
     bounds: StateBounds,
@@ -255,7 +255,7 @@ class PredictedError(Criterion):
         """The least-squares criterion whose optimal motions are good starts: same targets."""
         return LeastSquaresError(self.system, infinity(self.targets))
 
-    def near(self, task: Task, motion: JerkTrajectory) -> GuaranteedError:
+    def near(self, task: Task, motion: JerkTrajectory) -> PredictedErrorNear:
         """Return the predicted error as a function of motions near a given one.
 
         The box that the log of this motion is predicted to leave is used for the states of nearby
@@ -265,6 +265,7 @@ class PredictedError(Criterion):
             task: task whose velocity limit scales the smoothing.
             motion: motion near which the objective is used.
         """
+        require_float64(criterion=self, limits=task.limits, motion=motion)
         system, servo = self.system, self.servo
         log = nominal_log(system, motion, servo, self.controller)
         narrow = narrowed(system, guaranteed_intervals(system, [log]).estimate)
@@ -274,4 +275,4 @@ class PredictedError(Criterion):
             )
         model = nominal_log_model(system, motion, servo, self.controller)
         speed = abs(task.limits.velocity).max()
-        return GuaranteedError(system, narrow, model, self.targets, speed, self.largest)
+        return PredictedErrorNear(system, narrow, model, self.targets, speed, self.largest)

@@ -27,7 +27,7 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
     )
     length = "m" if system.coordinate == "linear" else "rad"
     box = ", ".join(
-        f"{term.name} in [{float(low):g}, {float(high):g}] {term.unit}"
+        f"{term.name} in [{float(low):.12g}, {float(high):.12g}] {term.unit}"
         for term, low, high in zip(system.terms, system.lower, system.upper, strict=True)
     )
     most = system.disturbance_bound.describe(system.input_unit, f"{length}/s")

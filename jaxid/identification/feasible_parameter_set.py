@@ -34,10 +34,12 @@ class FeasibleSet(NamedTuple):
     Attributes:
         lower: lower ends of the intervals, shape (m,), in the units of the parameters.
         upper: upper ends of the intervals, shape (m,), in the units of the parameters.
+        disturbance_factor: proved lower bound, at most 1, on the factor of δ that the data need.
     """
 
     lower: Float[Array, " m"]
     upper: Float[Array, " m"]
+    disturbance_factor: float
 
 
 def feasible_set(
@@ -78,7 +80,7 @@ def feasible_set(
             f"{float(high):.6g}, together with the estimates `others`.",
             InconsistentLogError,
         )
-    return FeasibleSet(lower, upper)
+    return FeasibleSet(lower, upper, needed)
 
 
 def projection(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid._checks import require, require_concrete, require_float64
+from jaxid._checks import is_concrete, require, require_concrete, require_float64
 from jaxid._text import at_least
 from jaxid.identification.batches import (
     SIZES,
@@ -102,7 +102,7 @@ def identify(
         jaxid.loop.log.InconsistentLogError: ...
     """
     given = (logs,) if isinstance(logs, Log) else tuple(logs)
-    require(len(given) > 0, "Argument `logs` must hold one log at least, but is empty.")
+    _require_logs(given)
     require_float64(system=system, logs=given)
     require_concrete(
         "`identify`, which solves linear programs,",
@@ -118,6 +118,22 @@ def identify(
     if len(parts) > 1:
         progress.process_together(lambda said: report(f"together: {said}"))
     return progress.result()
+
+
+def _require_logs(logs: Sequence[Log]) -> None:
+    require(len(logs) > 0, "Argument `logs` must hold one log at least, but is empty.")
+    for k, log in enumerate(logs):
+        require(
+            isinstance(log, Log),
+            f"Argument `logs` must hold objects of `jaxid.Log`, but entry {k} is a "
+            f"{type(log).__name__}.",
+        )
+        if is_concrete(log):
+            require(
+                log.samples >= 2,
+                f"Argument `logs` must hold logs of two samples or more, but log {k} has "
+                f"{log.samples}.",
+            )
 
 
 class _Progress:
@@ -159,11 +175,18 @@ class _Progress:
         self._narrow(logs, sizes.knots, report)
 
     def process_together(self, report: Report) -> None:
-        """Process all batches at once, or the most informative ones, if they are consistent."""
+        """Process all batches at once, or the most informative ones, if they are consistent.
+
+        If all batches are too long for that, each is processed once more, with what the others
+        have left of the box: the first ones have not been compared with those that follow.
+        """
         if not self.consistent:
             return
         logs = most_informative(self._with_room, self.parts, self.sizes)
         self._narrow(logs, self.sizes.knots_together, report)
+        if sum(log.samples for log in logs) < sum(x.samples for part in self.parts for x in part):
+            for part in self.parts:
+                self._narrow(part, self.sizes.knots, report)
         if self.unidentifiable:
             self._look(logs, self.sizes.knots_together)
 
@@ -207,6 +230,8 @@ class _Progress:
             left = feasible_set(found.rows, [found.estimate], weights)
             self.estimates.append(found.estimate)
             self.known = narrowed_to(self.known, left.lower, left.upper)
+            # whatever explains the data with less than δ is in the box that δ leaves
+            self.factor = max(self.factor, left.disturbance_factor)
         except InconsistentLogError as error:  # more than the test of δ has found
             self._refuse(str(error))
 

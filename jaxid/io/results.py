@@ -13,6 +13,7 @@ If two processes write the same part at the same time, one comes first. The seco
 replaces what the first wrote if it is allowed to; parts with different names are both kept.
 """
 
+import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -119,6 +120,11 @@ def require_writable(folder: Path, files: Collection[str], *, replace: bool) -> 
         not whole.is_mount(),
         f"Folder {folder} is a mount point, which cannot be replaced: name a folder in it.",
     )
+    parent = next(place for place in (whole, *whole.parents) if place.exists())
+    require(
+        parent.is_dir() and os.access(parent, os.W_OK | os.X_OK),
+        f"Folder {folder} cannot be written: {parent} is no folder, or not writable.",
+    )
     _require_free(folder, files, replace=replace)
 
 
@@ -133,7 +139,16 @@ def _require_free(
         replace or not there,
         f"{', '.join(there)} {exist}; use --force to overwrite.{first}",
     )
-    if replace or manifest_in(folder) or not folder.exists():
+    own = manifest_in(folder)
+    foreign = [name for name in (*files, MANIFEST) if (folder / name).is_dir()]
+    if own is None and (folder / MANIFEST).exists():
+        foreign.append(MANIFEST)
+    require(
+        not foreign,
+        f"Folder {folder} has {', '.join(dict.fromkeys(foreign))}, which jaxid did not write and "
+        "does not replace: name another folder.",
+    )
+    if replace or own or not folder.exists():
         return
     strange = [path.name for path in sorted(folder.iterdir()) if not _is_own(path)]
     shown = ", ".join(strange[:_SHOWN]) + (", …" if len(strange) > _SHOWN else "")

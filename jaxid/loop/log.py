@@ -70,6 +70,7 @@ class Log(eqx.Module):
         for name in ("input", "position"):
             values = getattr(self, name)
             require_shape(name, "a log", values, (values.size,), "one per sample")
+            _require_finite(name, values)
         require(
             self.position.size == self.input.size + 1,
             "Argument `position` must have one entry more than `input`, the end of its last tick, "
@@ -176,3 +177,13 @@ def filled(log: Log, ticks: int) -> Log:
 def whole(log: Log) -> Log:
     """Return the log marked as free of padding; its caller must know that it is."""
     return eqx.tree_at(lambda x: x._count, log, None, is_leaf=lambda x: x is None)
+
+
+def _require_finite(name: str, values: Float[Array, " n"]) -> None:
+    if is_concrete(values):
+        wrong = np.flatnonzero(~np.isfinite(np.asarray(values)))
+        if wrong.size:
+            raise ValueError(
+                f"Argument `{name}` of a log must be finite, but is "
+                f"{float(values[int(wrong[0])]):g} at sample {wrong[0]}."
+            )

@@ -59,7 +59,7 @@ class ConstantBound(DisturbanceBound):
 
     def describe(self, unit: str, speed: str) -> str:
         """Return the level of δ with its unit, e.g. "6 N"."""
-        return f"{float(self.level):g} {unit}"
+        return f"{float(self.level):.12g} {unit}"
 
 
 class SpeedBand(DisturbanceBound, Nonsmooth):
@@ -101,8 +101,8 @@ class SpeedBand(DisturbanceBound, Nonsmooth):
     def describe(self, unit: str, speed: str) -> str:
         """Return both levels of δ and the threshold speed, with their units."""
         return (
-            f"{float(self.slow):g} {unit} up to {float(self.threshold):g} {speed} and "
-            f"{float(self.fast):g} {unit} above"
+            f"{float(self.slow):.12g} {unit} up to {float(self.threshold):.12g} {speed} and "
+            f"{float(self.fast):.12g} {unit} above"
         )
 
     def smoothed(self, speed: Motion) -> "SpeedBand":
@@ -136,7 +136,7 @@ class ScaledBound(DisturbanceBound):
 
     def describe(self, unit: str, speed: str) -> str:
         """Return the factor, followed by the description of the other disturbance bound."""
-        return f"{float(self.factor):g} times {self.bound.describe(unit, speed)}"
+        return f"{float(self.factor):.12g} times {self.bound.describe(unit, speed)}"
 
 
 class NearbyVelocityBound(DisturbanceBound):
@@ -166,4 +166,4 @@ class NearbyVelocityBound(DisturbanceBound):
     def describe(self, unit: str, speed: str) -> str:
         """Return the other bound in words, followed by the deviation of the velocity."""
         inner = self.bound.describe(unit, speed)
-        return f"{inner}, while the velocity is off by up to {float(self.reach):g} {speed}"
+        return f"{inner}, while the velocity is off by up to {float(self.reach):.12g} {speed}"

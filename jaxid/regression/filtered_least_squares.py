@@ -1,6 +1,6 @@
 """The paper's identification (28)-(29): least squares of a filtered record."""
 
-from jaxid._checks import is_concrete, require_float64
+from jaxid._checks import is_concrete, require_float64, require_positive
 from jaxid._types import Scalar
 from jaxid.loop.record import Record
 from jaxid.model.system import System
@@ -29,7 +29,8 @@ def filtered_least_squares(
         The estimate θ̂ with its bound J_f, and the intersection of θ̂ ± J_f with the prior box.
 
     Raises:
-        ValueError: if the record is not float64, or its motion cannot identify all parameters.
+        ValueError: if `bandwidth` or `period` is not above zero, the record is not float64,
+            or its motion cannot identify all parameters.
 
     Example:
         >>> estimate = jd.filtered_least_squares(record, slide, bandwidth=1000.0, period=0.001)
@@ -37,6 +38,8 @@ def filtered_least_squares(
         ([7.0, 20.0, 15.0], [1.24, 36.45, 10.08])
     """
     require_float64(record=record, system=system)
+    require_positive("bandwidth", "a filter", bandwidth)
+    require_positive("period", "a filter", period)
     passed = filtered(record, bandwidth, period)
     if is_concrete(passed.rows):
         require_informative(passed.rows, system.names, system.half_widths)

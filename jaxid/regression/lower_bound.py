@@ -10,8 +10,8 @@ result does not depend on those states: the excess s = max |φᵀν|/δ over all
 interval arithmetic on ever smaller cells, and ν/s keeps every condition.
 
 The limits are those of the planned motion. If the closed loop exceeds them, or if the data are more
-favourable than the worst ones, the actual intervals can be slightly smaller; no design can rely on
-either.
+favourable than the worst ones, the intervals from a log can be narrower, even many times; no design
+can rely on either.
 """
 
 from typing import NamedTuple
@@ -43,8 +43,8 @@ class LowerBound(NamedTuple):
     """Lower bounds on the worst-case errors of k functionals of θ, with their proofs.
 
     Attributes:
-        value: proved lower bound of each worst-case error, shape (k,): no motion within the limits
-            and no estimator can guarantee less.
+        value: proved lower bound of each worst-case error, shape (k,): before the data are known,
+            no motion within the limits and no estimator can promise less.
         above: upper limit of what this proof can give, shape (k,).
         dual: parameter deviations ν that prove the bounds, shape (k, m).
         estimated: names of parameters with user-defined regressors without slope bounds; if there
@@ -60,7 +60,8 @@ class LowerBound(NamedTuple):
 def lower_bound(system: System, limits: Limits, norm: Norm | None = None) -> LowerBound:
     """Return a proved lower bound on the worst-case error of any motion and any estimator.
 
-    It holds before the data are known: no experiment within the limits can guarantee less.
+    It holds before the data are known: no experiment within the limits can promise less. The data
+    of one may still happen to prove a narrower interval.
 
     Args:
         system: axis with its regressors, disturbance bound δ and prior box.
