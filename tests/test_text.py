@@ -13,7 +13,7 @@ digits = st.integers(1, 8)
 
 @given(numbers, digits)
 def test_a_printed_bound_is_on_its_side_and_near(value, count):
-    """A number is what its shortest text says, as a user typed it: it differs by 1e-16 of itself."""
+    """A number is what its shortest text says, as a user typed it."""
     low, high = Fraction(at_least(value, count)), Fraction(at_most(value, count))
     typed = Fraction(repr(value))
     assert low <= typed <= high

@@ -78,7 +78,6 @@ def main(study: Study) -> None:
     figures.open_loop(study.out, pulses)
     figures.bandwidth(study.out, sweeps, errors)
     figures.amplitudes(study.out, pulses)
-    figures.overview(study.out, chosen, loops, pulses)
     print("\n\n".join(shown))
 
 
@@ -172,13 +171,15 @@ def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[s
     least = lower_bound(motor.system(), motor.limits())
     motions = tqdm(trajectories.items(), "certificates")
     worths = {cell: certificates.worth(motion, least) for cell, motion in motions}
-    proof = certificates.experiment(trajectories[Cell(ONE_MOTION, HORIZON)])
+    motion = trajectories[Cell(ONE_MOTION, HORIZON)]
+    proof = certificates.experiment(motion)
     proved = certificate_tables.proved(proof, np.asarray(least.value))
     for name, table in (("table4", certificate_tables.table_4(worths)), ("proved", proved)):
         write_table(study.out / f"{name}.csv", table.header, table.rows)
     compared = {name: worths[Cell(name, HORIZON)] for name in (*STUDIED, ONE_MOTION)}
     certificate_figures.above_floor(study.out, compared)
     certificate_figures.possible(study.out, proof)
+    certificate_figures.overview(study.out, motion, proof)
     shown = {cell: one for cell, one in worths.items() if cell.horizon == HORIZON}
     rests = "\n".join(["These intervals rest on:", *(f"  {line}" for line in proof.assumptions)])
     return [

@@ -1,14 +1,17 @@
-"""How far designs are from the floor, and what one experiment leaves of the prior box."""
+"""How far designs are from the lower bound, and what one experiment guarantees."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 
 from experiments.axes import linear_motor as motor
 from experiments.paper.certificates import PLANES, Proof, Worth
 from experiments.paper.figures import SYMBOLS
 from jaxid.io import plots
+from jaxid.model.system import System
+from jaxid.motion.trajectory import JerkTrajectory
 
 _MARKS = {
     "least squares, exact signals": ("x", plots.GREY),
@@ -38,7 +41,7 @@ def above_floor(folder: Path, worths: Mapping[str, Worth]) -> None:
         panel.axhline(1.0, color=plots.BLACK, linewidth=1.2)
         panel.set_xticks(x, [d.replace("_", "\n") for d in worths], fontsize=10)
         panel.set_xlim(-0.5, len(worths) - 0.5)
-        plots.label(panel, "designed for", "error / floor" if k == 0 else "", SYMBOLS[name])
+        plots.label(panel, "designed for", "error / lower bound" if k == 0 else "", SYMBOLS[name])
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=11)
     plots.save(canvas, folder / "floor.png")
@@ -53,14 +56,12 @@ def possible(folder: Path, proof: Proof) -> None:
         index = [system.index(name) for name in pair]
         for lower, upper, colour, label in (
             (system.lower, system.upper, plots.GREY, "prior box"),
-            (found.lower, found.upper, plots.BLUE, "guaranteed by weights chosen before the data"),
+            (found.lower, found.upper, plots.BLUE, "guaranteed by a fixed linear estimator"),
         ):
             (x0, y0), (x1, y1) = ((np.asarray(end)[index]) for end in (lower, upper))
             panel.fill((x0, x1, x1, x0), (y0, y0, y1, y1), color=colour, alpha=0.25, label=label)
         corners = proof.projections[pair]
-        panel.fill(
-            *corners.T, color=plots.GREEN, alpha=0.6, label="all that the data leave possible"
-        )
+        panel.fill(*corners.T, color=plots.GREEN, alpha=0.6, label="feasible set of the same log")
         truth = np.asarray(motor.TRUE_PARAMETERS)[index]
         panel.plot(*truth, "k+", markersize=12, markeredgewidth=2, label="true value")
         units = [system.units[k] for k in index]
@@ -68,3 +69,46 @@ def possible(folder: Path, proof: Proof) -> None:
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
     plots.save(canvas, folder / "possible.png")
+
+
+def overview(folder: Path, motion: JerkTrajectory, proof: Proof) -> None:
+    """For the README: one motion within its limits, and the intervals that its log guarantees."""
+    system, limits = motor.system(), motor.limits()
+    canvas = plots.Figure(figsize=(11.0, 4.6), layout="constrained")
+    grid = canvas.add_gridspec(2, 2, width_ratios=(1.0, 1.1))
+    panels = [canvas.add_subplot(grid[row, 0]) for row in range(2)]
+    time = jnp.linspace(0.0, float(motion.duration), 1500)
+    states = motion.states(time)
+    views = (("position (m)", states.position, limits.position),
+             ("velocity (m/s)", states.velocity, limits.velocity))  # fmt: skip
+    for panel, (name, values, interval) in zip(panels, views, strict=True):
+        panel.plot(time, np.asarray(values), color=plots.BLUE, linewidth=1.8)
+        plots.limit_lines(panel, np.asarray(interval).tolist())
+        panel.grid(alpha=0.3)
+        plots.label(panel, "", name)
+    panels[0].set_title("One designed motion, and its limits (dashed)", fontsize=12)
+    panels[1].set_xlabel("time (s)", fontsize=12)
+    _guaranteed(canvas.add_subplot(grid[:, 1]), system, proof)
+    plots.save(canvas, folder / "overview.png")
+
+
+def _guaranteed(panel: plots.Axes, system: System, proof: Proof) -> None:
+    """Intervals relative to the prior interval: prior, the paper's three experiments, one run."""
+    centre, half = np.asarray(system.centre), np.asarray(system.half_widths)
+    paper = [motor.PAPER_TABLE_2.get(name, (np.nan, np.nan)) for name in system.names]
+    hat, error = (np.array(column) for column in zip(*paper, strict=True))
+    ends = {
+        "prior": (centre - half, centre + half),
+        "paper: θ̂ ± J_f of three experiments": (hat - error, hat + error),
+        "guaranteed by one run of 0.6 s": (np.asarray(proof.left.lower), proof.left.upper),
+    }
+
+    def share(end: object) -> plots.Array:
+        return np.clip((np.asarray(end) - centre) / half, -1.0, 1.0)
+
+    shares = {label: (share(low), share(high)) for label, (low, high) in ends.items()}
+    truth = (np.array(motor.TRUE_PARAMETERS) - centre) / half
+    plots.intervals(panel, [SYMBOLS[name] for name in system.names], shares, truth)
+    panel.legend(fontsize=10, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2)
+    plots.label(panel, "", "share of the prior interval", "Parameter intervals")
+    panel.grid(alpha=0.3)

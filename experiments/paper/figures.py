@@ -1,9 +1,8 @@
-"""Figures 1 to 10 and the overview, drawn from arrays that were computed before."""
+"""Figures 1 to 10, drawn from arrays that were computed before."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 
 from experiments.axes import linear_motor as motor
@@ -144,60 +143,6 @@ def tube(
     panels[0].legend(names, fontsize=10, loc="upper center", ncols=3)
     panels[-1].set_xlabel("time of the motion (s)", fontsize=12)
     plots.save(canvas, path)
-
-
-def overview(
-    folder: Path,
-    trajectories: Trajectories,
-    loops: Mapping[Cell, ClosedLoopRun],
-    runs: Mapping[float, OpenLoopRun],
-) -> None:
-    """For the README: the three motions, and what each experiment leaves of the prior box."""
-    canvas, (left, right) = plots.figure(1, 2, (11.0, 4.4))
-    for (cell, trajectory), colour in zip(trajectories.items(), plots.CYCLE, strict=False):
-        time = jnp.linspace(0.0, float(trajectory.duration), 1500)
-        velocity = np.asarray(trajectory.states(time).velocity)
-        left.plot(time, velocity, color=colour, linewidth=2, label=f"for {SYMBOLS[cell.target]}")
-    plots.limit_lines(left, np.asarray(motor.limits().velocity).tolist())
-    plots.label(left, "time (s)", "velocity (m/s)", "Optimal motions within the limits")
-    left.legend(fontsize=11)
-    _intervals(right, loops, runs[0.5])
-    plots.save(canvas, folder / "overview.png")
-
-
-def _intervals(panel: plots.Axes, loops: Mapping[Cell, ClosedLoopRun], pulses: OpenLoopRun) -> None:
-    system = motor.system()
-    index = [system.index(cell.target) for cell in loops]
-    centre, half = np.asarray(system.centre)[index], np.asarray(system.half_widths)[index]
-
-    def relative(values: plots.Array) -> plots.Array:
-        return (np.asarray(values) - centre) / half
-
-    hat = np.array([motor.PAPER_TABLE_2[cell.target][0] for cell in loops])
-    error = np.array([motor.PAPER_TABLE_2[cell.target][1] for cell in loops])
-    ours = [
-        (loop.estimate.lower[i], loop.estimate.upper[i])
-        for i, loop in zip(index, loops.values(), strict=True)
-    ]
-    bars = {
-        "prior box": (relative(centre - half), relative(centre + half)),
-        "0.5 V pulses": (
-            relative(np.asarray(pulses.estimate.lower)[index]),
-            relative(np.asarray(pulses.estimate.upper)[index]),
-        ),
-        "paper, Table II": (
-            np.maximum(relative(hat - error), -1.0),
-            np.minimum(relative(hat + error), 1.0),
-        ),
-        "here, exact signals": (
-            relative(np.array([float(low) for low, _ in ours])),
-            relative(np.array([float(high) for _, high in ours])),
-        ),
-    }
-    truth = relative(np.array(motor.TRUE_PARAMETERS)[index])
-    plots.intervals(panel, [SYMBOLS[cell.target] for cell in loops], bars, truth)
-    plots.label(panel, "", "interval / half of the prior box", "What is left of the prior box")
-    panel.set_ylim(-1.1, 2.1)
 
 
 def _travel(run: OpenLoopRun) -> tuple[float, float]:

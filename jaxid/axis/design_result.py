@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
+import jax.numpy as jnp
 import msgspec
 import numpy as np
 
@@ -19,8 +20,9 @@ from jaxid.design.evaluation import ParameterEvaluation
 from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.assumptions import assumptions
 from jaxid.io import plots
-from jaxid.io.files import json_bytes, trajectory_bytes
+from jaxid.io.files import UNITS, json_bytes, trajectory_bytes
 from jaxid.io.setpoints import margins, sampled, setpoint_bytes, setpoints_in
+from jaxid.motion.trajectory import JerkTrajectory
 
 _SETPOINTS = tuple(Path(name) for name in ("setpoints.csv", "setpoints.mat", "setpoints.h"))
 _TITLES = {ALL: "all parameters", WANTED: "the required accuracies"}
@@ -156,24 +158,56 @@ def _parameter(found: AxisDesign, k: int) -> DesignedParameter:
 
 def page(found: AxisDesign) -> bytes:
     """Return a picture of the motion with its limits, and of its predicted errors, as PNG."""
-    axis, worth = found.axis, found.worth
-    canvas, panels = plots.figure(2, 2, (11.0, 7.0))
-    title = f"motion for {_TITLES.get(found.target, found.target)}"
-    limits, whole = np.asarray(axis.task.limits.motion), played(axis, found.motion)
-    plots.motion(panels[:3], whole, limits, title, axis.system.coordinate)
+    axis = found.axis
+    canvas, panels = plots.figure(2, 3, (14.0, 7.4))
+    limits, whole = axis.task.limits, played(axis, found.motion)
+    plots.motion(panels[:3], whole, np.asarray(limits.motion), "Position", axis.system.coordinate)
+    panels[1].set_title("Velocity", fontsize=12)
+    panels[2].set_title("Acceleration", fontsize=12)
     before = float(whole.duration - found.motion.duration)
-    for panel in panels[: 3 if before else 0]:
+    _draw_input(panels[3], axis, whole)
+    _draw_jerk(panels[4], axis, whole)
+    for panel in panels[: 5 if before else 0]:
         panel.axvspan(0.0, before, color=plots.GREY, alpha=0.2, linewidth=0)
-    if before:
-        panels[0].set_title(f"{title}; grey: its approach", fontsize=12)
-    panels[1].set_xlabel("time (s)", fontsize=12)
-    box = np.asarray(axis.system.half_widths)
+    _draw_errors(panels[5], found)
+    approach = "; grey: approach" if before else ""
+    title = f"Motion for {_TITLES.get(found.target, found.target)}; dashed: limits{approach}"
+    canvas.suptitle(title, fontsize=13)
+    return plots.png(canvas)
+
+
+def _draw_input(panel: plots.Axes, axis: Axis, whole: JerkTrajectory) -> None:
+    """Draw the input at the centre of the prior box, and its range over the box and all |Δ| ≤ δ."""
+    system, time = axis.system, jnp.linspace(0.0, float(whole.duration), 2000)
+    states = whole.states(time)
+    phi = np.stack([np.broadcast_to(f, time.shape) for f in system.regressors(*states)])
+    delta = np.asarray(system.disturbance_bound(states.position, states.velocity))
+    nominal = np.asarray(system.centre) @ phi
+    reach = np.asarray(system.half_widths) @ np.abs(phi) + delta
+    panel.fill_between(
+        time, nominal - reach, nominal + reach, color=plots.SKY, alpha=0.4, linewidth=0,
+        label="all of the prior box and δ",
+    )  # fmt: skip
+    panel.plot(time, nominal, color=plots.BLUE, linewidth=1.5, label="centre of the prior box")
+    plots.limit_lines(panel, np.asarray(axis.task.limits.input).tolist())
+    panel.legend(fontsize=9)
+    plots.label(panel, "time (s)", f"input ({system.input_unit})", "Input that the motion needs")
+
+
+def _draw_jerk(panel: plots.Axes, axis: Axis, whole: JerkTrajectory) -> None:
+    edges = np.concatenate([[0.0], np.cumsum(np.asarray(whole.durations))])
+    panel.stairs(np.asarray(whole.jerk), edges, color=plots.BLUE, linewidth=1.2, baseline=None)
+    plots.limit_lines(panel, np.asarray(axis.task.limits.jerk).tolist())
+    plots.label(panel, "time (s)", f"jerk ({UNITS[axis.system.coordinate]}/s³)", "Jerk")
+
+
+def _draw_errors(panel: plots.Axes, found: AxisDesign) -> None:
+    axis, worth, box = found.axis, found.worth, np.asarray(found.axis.system.half_widths)
     kinds = {
-        "least squares": worth.least_squares,
-        "predicted": worth.predicted,
+        "least squares, exact signals": worth.least_squares,
+        "predicted guaranteed": worth.predicted,
         "lower bound": worth.lower_bound,
     }
-    shares = {kind: np.asarray(error) / box for kind, error in kinds.items()}
-    plots.bars(panels[3], axis.system.names, shares, 1.0, np.asarray(axis.wanted) / box)
-    plots.label(panels[3], "", "error, of the prior half-width")
-    return plots.png(canvas)
+    shares = {kind: 100 * np.asarray(error) / box for kind, error in kinds.items()}
+    plots.bars(panel, axis.system.names, shares, 100.0, 100 * np.asarray(axis.wanted) / box)
+    plots.label(panel, "", "half-width (% of the prior one)", "Predicted errors")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Bool, Float
 
 from jaxid._text import at_most
 from jaxid.axis.design_result import DesignResult
@@ -140,21 +140,49 @@ def _limits(found: Simulated) -> dict[str, SimulatedLimit]:
 
 
 def page(found: Simulated) -> bytes:
-    """Return a picture of tracking error, velocity and input of some simulated axes, as PNG."""
+    """Return a picture of tracking error and margins to the limits of some plants, as PNG."""
     axis, drawn = found.axis, found.drawn
     unit, limits = UNITS[axis.system.coordinate], axis.task.limits
-    canvas, panels = plots.figure(1, 3, (12.0, 4.2))
+    canvas, panels = plots.figure(2, 2, (11.0, 7.0))
     instants = np.asarray(drawn.time[0])
-    error = drawn.position - found.played.states(drawn.time[0]).position[None]
+    error = np.asarray(drawn.position - found.played.states(drawn.time[0]).position[None])
+    exceeded = np.max(np.stack([found.excess[name] for name in found.excess]), axis=0) > 0
+    _draw(panels[0], instants, error, exceeded)
+    plots.engineering(panels[0], unit)
+    plots.label(panels[0], "", "tracking error", "Position − designed position")
     ticks_at = instants[:-1:SUBSTEPS]
-    views: tuple[tuple[str, np.ndarray, Array, Array | None], ...] = (
-        (f"position less the motion's ({unit})", instants, error, None),
-        (f"velocity ({unit}/s)", instants, drawn.velocity, limits.velocity),
-        (f"input ({axis.system.input_unit})", ticks_at, drawn.input, limits.input),
+    views = (
+        ("position", instants, drawn.position, limits.position, unit),
+        ("velocity", instants, drawn.velocity, limits.velocity, f"{unit}/s"),
+        ("input", ticks_at, drawn.input, limits.input, axis.system.input_unit),
     )
-    for panel, (name, time, values, interval) in zip(panels, views, strict=True):
-        panel.plot(time, np.asarray(values[:DRAWN]).T, linewidth=0.7, alpha=0.7)
-        if interval is not None:
-            plots.limit_lines(panel, interval.tolist())
-        plots.label(panel, "time (s)", name)
+    for panel, (name, time, values, interval, of) in zip(panels[1:], views, strict=True):
+        low, high = np.asarray(interval).tolist()
+        margin = np.minimum(high - np.asarray(values), np.asarray(values) - low)
+        _draw(panel, time, margin, exceeded)
+        count = int(np.sum(~(found.excess[name] <= 0)))
+        kept = f"exceeded by {count} of {found.plants} plants" if count else "kept by all plants"
+        plots.label(panel, "", f"margin ({of})", f"Margin to the {name} limit: {kept}")
+        worst = float(np.min(margin[:DRAWN]))
+        panel.axhline(0.0, color=plots.BLACK, linewidth=1.2)
+        if worst < 0:  # so that a small violation is seen
+            panel.set_ylim(1.5 * worst, max(-8 * worst, 0.02 * (high - low) / 2))
+            panel.axhspan(1.5 * worst, 0.0, color=plots.RED, alpha=0.12, linewidth=0)
+    for panel in panels[2:]:
+        panel.set_xlabel("time (s)", fontsize=12)
+    shown = min(DRAWN, error.shape[0])
+    canvas.suptitle(
+        f"{shown} of {found.plants} simulated plants; red: a limit is exceeded somewhere",
+        fontsize=12,
+    )
     return plots.png(canvas)
+
+
+def _draw(
+    panel: plots.Axes,
+    time: Float[np.ndarray, " n"],
+    values: Float[np.ndarray, "k n"],
+    exceeded: Bool[np.ndarray, " k"],
+) -> None:
+    for one, beyond in list(zip(values, exceeded, strict=False))[:DRAWN]:
+        panel.plot(time, one, color=plots.RED if beyond else plots.BLUE, linewidth=0.6, alpha=0.5)

@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import EngFormatter
 
 from jaxid.io.files import UNITS, write_bytes
 from jaxid.motion.trajectory import JerkTrajectory
@@ -89,6 +90,11 @@ def label(panel: Axes, x: str, y: str, title: str = "") -> None:
     panel.set_ylabel(y, fontsize=12)
     if title:
         panel.set_title(title, fontsize=12)
+
+
+def engineering(panel: Axes, unit: str) -> None:
+    """Label the vertical axis in a unit with SI prefixes, such as 100 µm."""
+    panel.yaxis.set_major_formatter(EngFormatter(unit=unit))
 
 
 def limit_lines(panel: Axes, interval: Sequence[float]) -> None:
@@ -191,7 +197,8 @@ def bars(
             wanted[some], some - 0.42, some + 0.42, color=BLACK, linewidth=1.5, label="wanted"
         )
     panel.set_xticks(x, names, fontsize=12)
-    panel.legend(fontsize=10)
+    panel.margins(y=0.35)  # room for the legend
+    panel.legend(fontsize=9, loc="upper center", ncols=2)
 
 
 def heat_map(
