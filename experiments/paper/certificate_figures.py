@@ -15,7 +15,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 
 _MARKS = {
     "least squares, exact signals": ("x", plots.GREY),
-    "guaranteed, with encoder and servo": ("o", plots.BLUE),
+    "predicted guaranteed, with encoder and servo": ("o", plots.BLUE),
     "best estimator, exact signals": ("_", plots.RED),
 }
 
