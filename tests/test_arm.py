@@ -78,10 +78,10 @@ def test_what_is_printed_of_it_is_that_of_the_motions_in_the_files(figures, tmp_
     assert len(printed) == 6 * 5
     gaps = {}
     for row, other in zip(printed, again, strict=True):
-        for column in ("J_lse", "guaranteed", "floor"):
+        for column in ("J_lse", "predicted", "lower_bound"):
             assert float(row[column]) == pytest.approx(float(other[column]), rel=1e-4)
-        assert float(row["guaranteed"]) >= float(row["floor"])
-        gap = float(row["guaranteed"]) / float(row["floor"]) - 1
+        assert float(row["predicted"]) >= float(row["lower_bound"])
+        gap = float(row["predicted"]) / float(row["lower_bound"]) - 1
         assert float(row["gap"]) == pytest.approx(gap, abs=1e-12)
         gaps.setdefault(row["design"], []).append(float(row["gap"]))
     best = gaps.pop(one_link_arm.ALL)

@@ -45,11 +45,11 @@ def test_every_design_is_appraised_and_its_errors_are_ordered_as_they_must_be(ta
     files = [path.stem.removeprefix("trajectory_") for path in figures.glob("trajectory_*_N*.csv")]
     assert [f"{label.removeprefix('lse_')}_N{n}" for label, n in designs] == sorted(files)
     for row in table.values():
-        best, least = float(row["r_minimax"]), float(row["floor"])
+        best, least = float(row["r_minimax"]), float(row["lower_bound"])
         assert least <= best * (1 + 1e-9)
-        for other in ("J_lse", "J_weighted_1", "J_weighted_2", "guaranteed"):
+        for other in ("J_lse", "J_weighted_1", "J_weighted_2", "predicted"):
             assert best <= float(row[other])
-        assert float(row["gap"]) == pytest.approx(float(row["guaranteed"]) / least - 1, abs=1e-12)
+        assert float(row["gap"]) == pytest.approx(float(row["predicted"]) / least - 1, abs=1e-12)
 
 
 def test_printed_minimax_errors_are_those_of_another_solver(table, motion):
@@ -74,18 +74,18 @@ def test_printed_minimax_errors_are_those_of_another_solver(table, motion):
 def test_one_experiment_proves_more_than_the_papers_three(figures):
     for row in read_table(figures / "proved.csv"):
         values = {name: float(x) for name, x in row.items() if name != "parameter" and x}
-        assert values["possible_lower"] <= values["theta_true"] <= values["possible_upper"]
-        assert values["lower"] <= values["possible_lower"]
-        assert values["possible_upper"] <= values["upper"]
+        assert values["feasible_lower"] <= values["theta_true"] <= values["feasible_upper"]
+        assert values["lower"] <= values["feasible_lower"]
+        assert values["feasible_upper"] <= values["upper"]
         if "J_paper" in values:
-            assert values["half_length"] < values["J_paper"]
+            assert values["half_width"] < values["J_paper"]
 
 
 def test_a_run_of_the_motion_proves_what_the_table_says(motion, figures):
     proof = certificates.experiment(motion)
     for k, row in enumerate(read_table(figures / "proved.csv")):
         found = [proof.guarantee.estimate.half_widths[k], proof.left.lower[k], proof.left.upper[k]]
-        columns = ("half_length", "possible_lower", "possible_upper")
+        columns = ("half_width", "feasible_lower", "feasible_upper")
         printed = [float(row[name]) for name in columns]
         # another processor may read another count here and there
         np.testing.assert_allclose(jnp.stack(found), printed, atol=0.01 * printed[0])
@@ -99,12 +99,12 @@ def test_what_other_sensors_cost_is_what_the_table_says(tmp_path, figures):
     again = read_table(tmp_path / "toy_sensors.csv")
     assert (tmp_path / "toy_sensors.png").exists()
     keys = ("way", "period_s", "resolution_m", "parameter")
-    printed = {tuple(row[k] for k in keys): float(row["guaranteed"]) for row in rows}
+    printed = {tuple(row[k] for k in keys): float(row["predicted"]) for row in rows}
     assert len(printed) == 3 * 5 * 4 * 4
     for row in again:
-        ours = float(row["guaranteed"])
+        ours = float(row["predicted"])
         assert printed[tuple(row[k] for k in keys)] == pytest.approx(ours, rel=1e-4)
-    lower_bound = {row["parameter"]: float(row["floor"]) for row in rows}
+    lower_bound = {row["parameter"]: float(row["lower_bound"]) for row in rows}
     for (way, period, resolution, name), value in printed.items():
         assert value >= lower_bound[name]
         assert printed["modulating", period, resolution, name] <= value, way
@@ -122,9 +122,9 @@ def test_each_round_knows_more_than_the_one_before(figures):
     assert len(rounds) == 2 * 4 * 3
     for (jerk, name, number), now in rounds.items():
         assert now["lower"] <= now["theta_true"] <= now["upper"]
-        assert now["possible_lower"] <= now["theta_true"] <= now["possible_upper"]
-        assert min(now["alone"], now["bound"]) >= now["floor"]
-        assert name == "M" or rounds[jerk, name, 1]["alone"] < 1.01 * now["floor"]
+        assert now["feasible_lower"] <= now["theta_true"] <= now["feasible_upper"]
+        assert min(now["alone"], now["bound"]) >= now["lower_bound"]
+        assert name == "M" or rounds[jerk, name, 1]["alone"] < 1.01 * now["lower_bound"]
         if number == 1:
             continue
         before = rounds[jerk, name, number - 1]
@@ -146,17 +146,17 @@ def test_the_table_of_the_rounds_is_that_of_the_motions_in_the_files(figures, tm
     again, printed = (read_table(folder / "sequential.csv") for folder in (tmp_path, figures))
     assert len(again) == len(printed) == 24
     for row, other in zip(printed, again, strict=True):
-        for column in ("alone", "bound", "floor"):
+        for column in ("alone", "bound", "lower_bound"):
             # another processor may read another count here and there
             assert float(row[column]) == pytest.approx(float(other[column]), rel=1e-3)
-        for column in ("lower", "upper", "possible_lower", "possible_upper"):
+        for column in ("lower", "upper", "feasible_lower", "feasible_upper"):
             assert float(row[column]) == pytest.approx(
                 float(other[column]), abs=0.02 * float(row["bound"])
             )
 
 
 def width(row):
-    return row["possible_upper"] - row["possible_lower"]
+    return row["feasible_upper"] - row["feasible_lower"]
 
 
 @pytest.mark.usefixtures("quick_compilation")

@@ -131,10 +131,10 @@ def test_the_table_is_that_of_the_motions_in_the_files(figures, tmp_path):
     for row, other in zip(printed, again, strict=True):
         assert row["excitation"] == other["excitation"]
         assert row["parameter"] == other["parameter"]
-        for column in ("J_lse", "guaranteed"):
+        for column in ("J_lse", "predicted"):
             assert float(row[column]) == pytest.approx(float(other[column]), rel=1e-4)
         k = motor.system().names.index(row["parameter"])
-        gap = float(row["guaranteed"]) / least[k] - 1
+        gap = float(row["predicted"]) / least[k] - 1
         assert float(row["gap"]) == pytest.approx(gap, abs=1e-12)
         allowed = compare.ALLOWED[k]
         relative.setdefault(row["excitation"], []).append((1 + float(row["gap"])) / allowed)

@@ -91,7 +91,7 @@ def test_laps_have_intervals_in_common_and_the_published_values_in_them(table):
 
 def test_the_designed_motion_keeps_its_limits_and_is_worth_what_is_said(figures, table):
     said = {
-        (row["motion"], row["parameter"]): float(row["guaranteed"])
+        (row["motion"], row["parameter"]): float(row["predicted"])
         for row in read_table(figures / "emps_motions.csv")
     }
     axis = emps.system(float(table[0]["delta_N"]))

@@ -40,7 +40,7 @@ def agree(printed: list, again: list, columns: tuple[str, ...]) -> None:
             # another processor may read another count here and there
             assert float(row[end]) == pytest.approx(float(other[end]), abs=0.01 * length)
         assert float(row["lower"]) <= float(row["theta_true"]) <= float(row["upper"])
-        gap = float(row["guaranteed"]) / float(row["floor"]) - 1
+        gap = float(row["predicted"]) / float(row["lower_bound"]) - 1
         assert 0 <= gap == pytest.approx(float(row["gap"]), abs=1e-12)
 
 
@@ -51,7 +51,7 @@ def columns_of(rows: list, column: str, **chosen: str) -> list[float]:
 def test_what_is_printed_of_the_pendulum_is_that_of_the_motions_in_the_files(figures, tmp_path):
     printed, again = redrawn(pendulum, "pendulum", figures, tmp_path)
     assert len(printed) == 3 * 4
-    agree(printed, again, ("J_lse", "guaranteed", "floor", "heat"))
+    agree(printed, again, ("J_lse", "predicted", "lower_bound", "heat"))
     task = pendulum.task()
     for name in (pendulum.ALL, pendulum.ERROR, pendulum.COOL):
         motion = read_trajectory(figures / f"pendulum_{name}.csv", "rotary")
@@ -81,7 +81,7 @@ def test_a_price_on_heat_buys_a_cool_motor_with_a_little_error(figures):
 def test_known_cogging_makes_delta_and_all_intervals_smaller(figures, tmp_path):
     printed, again = redrawn(cart, "cart", figures, tmp_path)
     assert len(printed) == 2 * (3 + 5)
-    agree(printed, again, ("J_lse", "guaranteed", "floor", "delta_N"))
+    agree(printed, again, ("J_lse", "predicted", "lower_bound", "delta_N"))
     task = cart.task()
     for name in cart.DELTA:
         motion = read_trajectory(figures / f"cart_{name}.csv")
@@ -96,7 +96,7 @@ def test_known_cogging_makes_delta_and_all_intervals_smaller(figures, tmp_path):
         before, after = (readings[motion, model][: cart.SHARED] for model in cart.DELTA)
         for row, other in zip(before, after, strict=True):
             assert row["parameter"] == other["parameter"]
-            assert float(other["guaranteed"]) < 0.3 * float(row["guaranteed"])
+            assert float(other["predicted"]) < 0.3 * float(row["predicted"])
             lengths = [float(r["upper"]) - float(r["lower"]) for r in (row, other)]
             assert lengths[1] < lengths[0] / 2
     # either δ explains the logs, and what the cogging leaves of δ does not if it is not known

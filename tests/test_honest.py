@@ -31,7 +31,7 @@ def test_no_truth_is_outside_of_what_was_guaranteed(motions, first):
     printed = outside[:, promised + BARE.index("bare_as_printed"), 0]
     assert np.mean(printed) > 0.9
     half = (found.upper - found.lower) / 2
-    proved = [PROMISED.index(name) for name in ("modulating", "all_that_is_possible")]
+    proved = [PROMISED.index(name) for name in ("modulating", "feasible_set")]
     assert np.all(half[:, proved] <= [0.05, 0.25, 0.25, 0.5])
     # what the others allow is their own: wider than the box, or another length for each
     assert len(set(np.median(half[:, :promised, 0], axis=0).tolist())) == promised
@@ -64,7 +64,7 @@ def test_the_one_motion_proves_in_closed_loop_what_was_foreseen(figures):
     assert [int(row["logs"]) for row in usual] == [USUAL] * 4
     median, most = (
         np.array([float(row[column]) for row in usual])
-        for column in ("median_over_floor", "most_over_floor")
+        for column in ("median_over_lower_bound", "most_over_lower_bound")
     )
     assert np.all(median <= [1.06, 1.015, 1.02, 1.01])
     assert np.all(most <= [1.075, 1.015, 1.02, 1.01])

@@ -6,11 +6,11 @@ from jaxid.design.evaluation import Evaluation
 from jaxid.io.files import Cell
 
 Row = dict[str, Cell]
-WORTH = ("J_lse", "guaranteed", "floor", "gap")  # columns
+WORTH = ("J_lse", "predicted", "lower_bound", "gap")  # columns
 
 
 def rows_of(worth: Mapping[str, Evaluation], label: str, names: tuple[str, ...]) -> list[Row]:
-    """Errors, floor, and gap = guaranteed/floor − 1.
+    """Errors, lower bound, and gap = predicted / lower bound − 1.
 
     Args:
         worth: of each motion, by what it is called.

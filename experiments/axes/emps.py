@@ -64,7 +64,7 @@ COLUMNS = (
     "model", "rows", "delta_N", "parameter", "theta_hat", "bound", "lower", "upper", "published",
     "inside",
 )  # fmt: skip
-MOTIONS = ("motion", "parameter", "guaranteed", "floor", "gap")
+MOTIONS = ("motion", "parameter", "predicted", "lower_bound", "gap")
 
 
 @dataclass(frozen=True)

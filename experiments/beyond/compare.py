@@ -64,7 +64,7 @@ FAMILIES: Mapping[str, type[Excitation]] = {
 CRITERIA = {"d_optimal": "D", "a_optimal": "A", "e_optimal": "E"}
 LEAST_SQUARES, OURS = "lse", "minimax"
 EXCITATIONS = (*FAMILIES, *CRITERIA, LEAST_SQUARES, OURS)
-COLUMNS = ("excitation", "parameter", "J_lse", "guaranteed", "gap")
+COLUMNS = ("excitation", "parameter", "J_lse", "predicted", "gap")
 
 
 @dataclass(frozen=True)

@@ -32,12 +32,12 @@ from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 
 PROMISED = (
-    "modulating", *ESTIMATORS, "second_order_filter", "first_order_filter", "all_that_is_possible",
+    "modulating", *ESTIMATORS, "second_order_filter", "first_order_filter", "feasible_set",
 )  # fmt: skip
 BARE = ("bare_as_printed", "bare_with_differences")  # (29) of a log, which promises nothing
 COLUMNS = (
-    "intervals", "parameter", "logs", "outside", "half_length_median", "half_length_most",
-    "median_over_floor", "most_over_floor",
+    "intervals", "parameter", "logs", "outside", "half_width_median", "half_width_most",
+    "median_over_lower_bound", "most_over_lower_bound",
 )  # fmt: skip
 USUAL = 500  # of the logs: the one motion, under cogging and friction
 
@@ -143,7 +143,7 @@ def intervals(log: Log, knots: int) -> Intervals:
     left = feasible_set(found.rows, [found.estimate], knots)
     estimates = {"modulating": found.estimate, **_others(log)}
     ends = {name: (e.theta - e.bound, e.theta + e.bound) for name, e in estimates.items()}
-    return ends | {"all_that_is_possible": (left.lower, left.upper)}
+    return ends | {"feasible_set": (left.lower, left.upper)}
 
 
 @eqx.filter_jit
@@ -184,10 +184,10 @@ def table(found: Found) -> Iterator[dict[str, str | float | int]]:
                 "parameter": name,
                 "logs": len(lengths),
                 "outside": int(outside[logs, kind, k].sum()),
-                "half_length_median": float(np.median(lengths)),
-                "half_length_most": float(lengths.max()),
-                "median_over_floor": float(np.median(lengths) / least[k]),
-                "most_over_floor": float(lengths.max() / least[k]),
+                "half_width_median": float(np.median(lengths)),
+                "half_width_most": float(lengths.max()),
+                "median_over_lower_bound": float(np.median(lengths) / least[k]),
+                "most_over_lower_bound": float(lengths.max() / least[k]),
             }
 
 

@@ -35,7 +35,7 @@ from jaxid.runtime import configure
 RESOLUTIONS = (0.05e-6, 0.5e-6, 5e-6, 50e-6)  # m
 PERIODS = (0.0001, 0.0002, 0.0005, 0.001, 0.002)  # s
 BANDWIDTHS = tuple(float(w) for w in np.geomspace(30.0, 10_000.0, 11).round())  # rad/s
-COLUMNS = ("way", "period_s", "resolution_m", "parameter", "guaranteed", "floor", "prior")
+COLUMNS = ("way", "period_s", "resolution_m", "parameter", "predicted", "lower_bound", "prior")
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def draw(path: Path, rows: list[dict[str, Value]]) -> None:
             for colour, (way, (text, mark)) in zip(plots.CYCLE, _LABELS.items(), strict=False):
                 own = [r for r in chosen if r["way"] == way]
                 x = [factor * float(r[along] or 0) for r in own]
-                panel.loglog(x, _above(own, "guaranteed"), f"{mark}-", color=colour, label=text)
+                panel.loglog(x, _above(own, "predicted"), f"{mark}-", color=colour, label=text)
             for worthless in _above(chosen[:1], "prior"):
                 panel.axhline(worthless, color=plots.GREY, linestyle="--", label="prior box")
             side = "% above the floor" if name == STUDIED[0] else ""
@@ -154,7 +154,7 @@ def draw(path: Path, rows: list[dict[str, Value]]) -> None:
 
 
 def _above(rows: list[dict[str, Value]], column: str) -> list[float]:
-    return [100 * (float(r[column] or 0) / float(r["floor"] or 1) - 1) for r in rows]
+    return [100 * (float(r[column] or 0) / float(r["lower_bound"] or 1) - 1) for r in rows]
 
 
 if __name__ == "__main__":

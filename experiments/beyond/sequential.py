@@ -1,7 +1,7 @@
 """Identify, shrink the box, design again: three rounds on the simulated motor, sequential.csv.
 
 A smaller box allows more acceleration (18), and with more acceleration a log proves more of M. Of
-the other parameters no log can promise much more than the first one does, as the floor shows; but
+the other parameters no log can promise much more than the first one does, by the lower bound; but
 what is possible of them shrinks with every log, as far as its data happen to be lucky.
 """
 
@@ -46,11 +46,13 @@ JERKS = (1000.0, 3000.0)  # m/s³; with the second more acceleration can be used
 # N_i of each round: with a jerk of 1000 m/s³ a second motion of 0.6 s would prove of M no more than
 # the data of the first happen to leave. What the time alone is worth is `alone_first_limits`.
 HORIZONS = (HORIZON, 2 * HORIZON, 2 * HORIZON)
-_WORTH = 0.98  # of what the motion before proves: with no floor below it there is no room left
+# of what the motion before proves: if no lower bound is below it, nothing can be gained
+_WORTH = 0.98
 _NEAR = 1.02  # of the best for one parameter, that a motion for all of them is to reach
 COLUMNS = (
     "jerk_m_s3", "round", "N", "parameter", "acceleration_m_s2", "theta_true", "alone",
-    "alone_first_limits", "floor", "bound", "lower", "upper", "possible_lower", "possible_upper",
+    "alone_first_limits", "lower_bound", "bound", "lower", "upper",
+    "feasible_lower", "feasible_upper",
 )  # fmt: skip
 
 
@@ -83,7 +85,7 @@ class Round(NamedTuple):
         log: of it.
         motion: that was run.
         limits: that the box before it allows.
-        least: the floor under them: no log of a motion within them proves more.
+        least: the lower bound under them: no motion within them can promise less.
         alone: by this log.
         alone_first_limits: by one as long under the limits of the first box, if that was tried.
         found: by all logs so far together.
@@ -223,12 +225,12 @@ def rows_of(jerk: float, number: int, done: Round) -> list[dict[str, Cell]]:
             "theta_true": motor.TRUE_PARAMETERS[k],
             "alone": float(done.alone.bound[k]),
             "alone_first_limits": None if control is None else float(control.bound[k]),
-            "floor": float(done.least[k]),
+            "lower_bound": float(done.least[k]),
             "bound": float(found.bound[k]),
             "lower": float((found.theta - found.bound)[k]),
             "upper": float((found.theta + found.bound)[k]),
-            "possible_lower": float(left.lower[k]),
-            "possible_upper": float(left.upper[k]),
+            "feasible_lower": float(left.lower[k]),
+            "feasible_upper": float(left.upper[k]),
         }
         for k, name in enumerate(motor.system().names)
     ]
@@ -245,7 +247,7 @@ def draw(path: Path, rows: Sequence[dict[str, Cell]]) -> None:
             x = np.array([float(r["round"] or 0) for r in own]) + side
             for first, last, width, alpha, what in (
                 ("lower", "upper", 9, 0.3, "θ̂ ± bound"),
-                ("possible_lower", "possible_upper", 5, 1.0, "all that is possible"),
+                ("feasible_lower", "feasible_upper", 5, 1.0, "all that is possible"),
             ):
                 low, high = ([float(r[end] or 0) for r in own] for end in (first, last))
                 text = f"{what}, {jerk:g} m/s³"

@@ -12,11 +12,11 @@ from experiments.paper.tables import Errors, Row, Table
 
 TABLE_4 = (
     "design", "parameter", "N", "J_lse", "J_weighted_1", "J_weighted_2", "r_minimax",
-    "guaranteed", "floor", "gap",
+    "predicted", "lower_bound", "gap",
 )  # fmt: skip
 PROVED = (
-    "parameter", "theta_true", "lower", "upper", "half_length",
-    "possible_lower", "possible_upper", "possible_half_length", "floor", "J_paper",
+    "parameter", "theta_true", "lower", "upper", "half_width",
+    "feasible_lower", "feasible_upper", "feasible_half_width", "lower_bound", "J_paper",
 )  # fmt: skip
 _ESTIMATORS = {
     "J_weighted_1": "weighted_1",
@@ -50,11 +50,11 @@ def proved(proof: Proof, floor: Errors) -> Table:
                 "theta_true": motor.TRUE_PARAMETERS[k],
                 "lower": float(found.lower[k]),
                 "upper": float(found.upper[k]),
-                "half_length": float(found.half_widths[k]),
-                "possible_lower": lower,
-                "possible_upper": upper,
-                "possible_half_length": half,
-                "floor": float(floor[k]),
+                "half_width": float(found.half_widths[k]),
+                "feasible_lower": lower,
+                "feasible_upper": upper,
+                "feasible_half_width": half,
+                "lower_bound": float(floor[k]),
                 "J_paper": None if paper is None else paper[1],
             }
         )
