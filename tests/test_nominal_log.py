@@ -111,7 +111,7 @@ def test_a_servo_that_cannot_be_is_refused_when_it_is_made(wrong, sentence):
 
 @pytest.mark.parametrize(
     ("period", "sentence"),
-    [(0.0007, "`period` must divide"), (0.6, "`period` of a servo must be half")],
+    [(0.0007, "`period` = 0.0007 s must divide"), (0.6, "`period` of a servo must be half")],
 )
 def test_a_period_that_no_log_of_the_motion_has_is_refused(motion, period, sentence):
     with pytest.raises(ValueError, match=sentence):

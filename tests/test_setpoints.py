@@ -25,7 +25,7 @@ def test_they_are_the_states_of_the_motion(setpoints, figures):
     assert setpoints.time.shape == (3001,)
     for values, column in zip(setpoints, knots.T, strict=False):
         np.testing.assert_allclose(values[::50], column, atol=1e-12)
-    with pytest.raises(ValueError, match="`period` must divide"):
+    with pytest.raises(ValueError, match=r"`period` = 0.0007 s must divide"):
         sampled(read_trajectory(figures / "trajectory_minimax.csv"), 0.0007)
 
 

@@ -101,7 +101,7 @@ def test_midpoints_integrate_polynomials_of_the_motion():
 def test_reference_repeats_back_to_back(motion):
     once, thrice = reference(motion, 2e-4, 3000), reference(motion, 2e-4, 3000, 3)
     assert ticks(motion, 2e-4) == 3000
-    with pytest.raises(ValueError, match=r"must divide the duration 0\.6 s"):
+    with pytest.raises(ValueError, match=r"must divide the duration of the motion, 0\.6 s"):
         ticks(motion, 0.7e-4)
     assert once.position.shape == (3000,)
     np.testing.assert_array_equal(thrice.velocity, np.tile(once.velocity, 3))
