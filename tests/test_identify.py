@@ -6,6 +6,7 @@ import pytest
 
 import jaxid as jd
 from experiments.axes import linear_motor as motor
+from jaxid.identification import modulating_functions
 from jaxid.identification.batches import BatchSizes, batches, most_informative, samples_per_weight
 from jaxid.identification.falsification import MOST
 from jaxid.identification.identify import identify
@@ -307,3 +308,35 @@ def test_a_log_must_be_finite(parts, bad):
         Log(log.input, log.position.at[17].set(bad), log.period, log.resolution)
     with pytest.raises(ValueError, match=r"`input` of a log must be finite, .* at sample 3"):
         Log(log.input.at[3].set(bad), log.position, log.period, log.resolution)
+
+
+def test_a_program_that_the_simplex_method_does_not_solve_ends(monkeypatch):
+    """An undisturbed log without friction: HiGHS made 270,000 steps in 15 s, and no progress."""
+    system = jd.System(
+        (
+            jd.Term("m", "kg", (8.0, 16.0)),
+            jd.Term("b", "N s/m", (0.0, 120.0), jd.Viscous()),
+            jd.Term("Fc", "N", (0.0, 50.0), jd.Coulomb(beta=1000.0)),
+            jd.Term("g0", "N", (90.0, 140.0), jd.Constant()),
+        ),
+        jd.ConstantBound(5.0),
+        "N",
+    )
+    theta, used = (8.0, 120.0, 0.0, 90.0), []
+    jerk = np.repeat(np.random.default_rng(0).choice([-40.0, 0.0, 40.0], 30), 2)
+    motion = uniform(jnp.array([0.3, 0.0, 0.0]), jnp.asarray(jerk), 0.02)
+    controller = jd.PDFeedforward(system, system.centre, kp=50000.0, kd=1500.0)
+    log = run(
+        jd.Plant(system, theta, NoDisturbance()), controller, jd.Servo(0.001, 1e-6), motion
+    ).log
+    solve = modulating_functions.linprog
+
+    def noted(*arguments, method, **options):
+        used.append(method)
+        return solve(*arguments, method=method, **options)
+
+    monkeypatch.setattr(modulating_functions, "linprog", noted)
+    found = identify(system, log)
+    assert "highs-ipm" in used
+    assert np.all((found.lower <= np.array(theta)) & (np.array(theta) <= found.upper))
+    assert found.upper[2] < 6

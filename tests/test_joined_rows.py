@@ -196,3 +196,13 @@ def test_another_log_widens_no_interval(figures):
             assert np.all((one.lower <= together.lower) & (together.upper <= one.upper))
             assert np.all(together.bound <= one.bound)
         assert np.all((together.lower <= theta) & (theta <= together.upper))
+
+
+def test_logs_of_one_servo_are_described_together():
+    """Segments of one log have periods that differ a little, by the clock of the logger."""
+    periods = 1e-3, 1.0004e-3, 0.9997e-3
+    parts = [Log(np.zeros(9), np.zeros(10), period, 1e-6, 2e-5) for period in periods]
+    said = assumptions(SYSTEM, *parts)
+    assert sum("zero-order hold" in line for line in said) == 1
+    assert "each sample period of 0.9997 ms to 1 ms." in " ".join(said)
+    assert sum("at most 20 µs" in line for line in said) == 1

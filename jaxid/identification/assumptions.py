@@ -7,6 +7,8 @@ from jaxid._text import at_most, quantity
 from jaxid.loop.log import Log
 from jaxid.model.system import System
 
+_ALIKE = 1.01  # ratio of two periods that are said to be those of one servo
+
 
 def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
     """Return the assumptions of the guaranteed intervals from logs, as sentences for reports.
@@ -50,17 +52,18 @@ def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
 
 def _of_the_servos(logs: Sequence[Log], length: str, delay: int) -> Iterator[str]:
     """Yield the assumptions on each servo once, with the largest jitter of its logs."""
-    jitters: dict[tuple[float, float], float] = {}
-    for log in logs:
-        servo = float(f"{float(log.period):.4g}"), float(log.resolution) / 2
-        jitters[servo] = max(jitters.get(servo, 0.0), float(log.jitter))
     periods = "sample period" if delay == 1 else "sample periods"
     late = f"acts {delay} {periods} after its command" if delay else "acts without delay"
-    for (period, half), jitter in jitters.items():
+    for servo in _by_servo(logs):
+        shortest, longest = (f"{float(log.period):.4g}" for log in (servo[0], servo[-1]))
+        period = quantity(float(shortest), "s")
+        if longest != shortest:
+            period = f"{period} to {quantity(float(longest), 's')}"
+        half, jitter = float(servo[0].resolution) / 2, max(float(log.jitter) for log in servo)
         error = f"with an error of at most ±{quantity(half, length)}" if half > 0 else "exactly"
         yield (
             f"The input {late} and is held constant (zero-order hold) over each sample period of "
-            f"{quantity(period, 's')}."
+            f"{period}."
         )
         yield (
             f"The position is sampled at the start of each sample period, {error}; its scale is "
@@ -69,3 +72,18 @@ def _of_the_servos(logs: Sequence[Log], length: str, delay: int) -> Iterator[str
         if jitter > 0:
             most = quantity(float(at_most(jitter)), "s")
             yield f"These instants deviate from equal spacing by at most {most}."
+
+
+def _by_servo(logs: Sequence[Log]) -> Iterator[list[Log]]:
+    """Yield the logs of each servo, by their periods: those of one encoder that differ by 1 %."""
+    servo: list[Log] = []
+    for log in sorted(logs, key=lambda log: (float(log.resolution), float(log.period))):
+        if servo and (
+            float(log.resolution) != float(servo[0].resolution)
+            or float(log.period) > _ALIKE * float(servo[0].period)
+        ):
+            yield servo
+            servo = []
+        servo.append(log)
+    if servo:
+        yield servo

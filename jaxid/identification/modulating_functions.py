@@ -12,7 +12,7 @@ weights.
 """
 
 import functools
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,6 +26,8 @@ from jaxid.regression.worst_case import Norm
 
 Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
 Knots = int | tuple[int, ...] | None  # most per log: one for all, one each, or one per row
+ITERATIONS = 10  # of the simplex method per row of a linear program: usual ones need 1.5 at most
+_STOPPED = 1  # status of a linear program that reached its number of iterations
 KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
 
 
@@ -166,19 +168,43 @@ class Program:
         if most is not None:
             above.append(sparse.csr_array(np.arange(2 * count + noisy + 2 * m)[None] < 2 * count))
             limit = np.append(limit, most)
-        # linprog accepts a sparse A_ub, although its stub does not
-        return linprog(  # pyright: ignore[reportCallIssue]
-            np.concatenate([price + tilt, price - tilt, np.ones(noisy + 2 * m)]),
-            A_ub=sparse.vstack(above),  # pyright: ignore[reportArgumentType]
-            b_ub=limit,
-            A_eq=np.hstack([self.moments, -self.moments, bias]),
-            b_eq=target,
-            method="highs",
-        )
+        cost = np.concatenate([price + tilt, price - tilt, np.ones(noisy + 2 * m)])
+        equal = np.hstack([self.moments, -self.moments, bias])
+        return _minimum(cost, sparse.csr_array(sparse.vstack(above)), limit, equal, target)
 
     def _weights(self, x: Float[np.ndarray, " variables"]) -> Float[np.ndarray, " n"]:
         count = self.delta.size
         return self.basis @ ((x[:count] - x[count : 2 * count]) / self.delta)
+
+
+def _minimum(
+    cost: Float[np.ndarray, " variables"],
+    above: sparse.csr_array,
+    limit: Float[np.ndarray, " rows"],
+    equal: Float[np.ndarray, "m variables"],
+    target: Float[np.ndarray, " m"],
+    iterations: int = ITERATIONS,
+) -> OptimizeResult:
+    """Return the minimum of costᵀx with above·x ≤ limit, equal·x = target and x ≥ 0.
+
+    The simplex method hardly moves on some degenerate programs, such as those of an undisturbed
+    log whose friction is zero. After `iterations` per row an interior-point method solves it.
+    """
+
+    def solved(method: Literal["highs", "highs-ipm"], most: int | None) -> OptimizeResult:
+        # linprog accepts a sparse A_ub, although its stub does not
+        return linprog(  # pyright: ignore[reportCallIssue]
+            cost,
+            A_ub=above,  # pyright: ignore[reportArgumentType]
+            b_ub=limit,
+            A_eq=equal,
+            b_eq=target,
+            method=method,
+            options={} if most is None else {"maxiter": most},
+        )
+
+    found = solved("highs", iterations * len(limit))
+    return solved("highs-ipm", None) if found.status == _STOPPED else found
 
 
 class _Family(NamedTuple):

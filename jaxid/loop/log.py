@@ -73,8 +73,9 @@ class Log(eqx.Module):
             _require_finite(name, values)
         require(
             self.position.size == self.input.size + 1,
-            "Argument `position` must have one entry more than `input`, the end of its last tick, "
-            f"but they have {self.position.size} and {self.input.size}.",
+            "Argument `position` must have one entry more than `input`, for the end of the last "
+            f"sample, but they have {self.position.size} and {self.input.size}. With one input per "
+            "position, leave out the last input.",
         )
         if is_concrete((self.jitter, self.period)):
             require(
