@@ -143,7 +143,9 @@ def main(options: Example) -> None:
     save_table(options.named("cart.csv"), COLUMNS, rows)
     print(*said(readings), sep="\n")
     for axis in models.values():
-        print("\nThese intervals rest on:", *jd.assumptions(axis, logs[KNOWN]), sep="\n  ")
+        print(
+            "\nThese intervals hold provided that:", *jd.assumptions(axis, logs[KNOWN]), sep="\n  "
+        )
     draw(options.named("cart.png"), motions, logs[IN_DELTA], readings)
 
 

@@ -126,7 +126,7 @@ def main(options: Emps) -> None:
     write_table(options.named("emps_motions.csv"), MOTIONS, motions)
     print(text_table(MOTIONS, [[row[c] for c in MOTIONS] for row in motions]))
     draw(options.named("emps.png"), results[0])
-    print("These intervals rest on:", *assumptions(results[0].system, *laps), sep="\n  ")
+    print("These intervals hold provided that:", *assumptions(results[0].system, *laps), sep="\n  ")
 
 
 def read(path: Path) -> Recorded:

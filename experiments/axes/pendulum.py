@@ -132,7 +132,7 @@ def main(options: Example) -> None:
         f"With a price on heat the error of J by least squares is {rise:.1%} higher, and the heat "
         f"{heats[COOL]:.2f} instead of {heats[ERROR]:.2f} times what the motor stands for ever.\n"
     )
-    print("These intervals rest on:", *jd.assumptions(axis, logs[ALL]), sep="\n  ")
+    print("These intervals hold provided that:", *jd.assumptions(axis, logs[ALL]), sep="\n  ")
     draw(options.named("pendulum.png"), logs, proved)
 
 

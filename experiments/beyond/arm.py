@@ -34,7 +34,7 @@ from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 from jaxid.search.effort import Effort
 
-ALL = "all"  # the largest guaranteed error over the floor
+ALL = "all"  # the largest predicted error over its lower bound
 INTERVALS = 50  # of 20 ms: one second
 COLUMNS = ("design", "parameter", *WORTH)
 
@@ -69,7 +69,7 @@ def main(study: Study) -> None:
     proved = guaranteed_intervals(system, [log]).estimate
     rows = interval_rows(system, arm.TRUE_PARAMETERS, proved)
     save_table(study.named("arm_proved.csv"), PROVED, rows)
-    print("These intervals rest on:", *assumptions(system, log), sep="\n  ")
+    print("These intervals hold provided that:", *assumptions(system, log), sep="\n  ")
     draw(study.named("arm.png"), motions[ALL], worth)
 
 

@@ -109,7 +109,7 @@ def main(options: Compare) -> None:
     table = Table(COLUMNS, rows_of(worth, "excitation", motor.system().names))
     write_table(options.named("table5.csv"), table.header, table.rows)
     draw(options.named("table5.png"), worth)
-    print(table.text("Table 5: what each excitation guarantees, and how far above the floor"))
+    print(table.text("Table 5: what each excitation guarantees, and how far above the lower bound"))
     print("Largest of the guaranteed errors over what is allowed of our one motion:")
     for name, one in worth.items():
         worst = float(jnp.max(one.predicted / one.lower_bound / jnp.asarray(ALLOWED)))
@@ -189,7 +189,7 @@ def budget(effort: Effort) -> Budget:
 
 
 def draw(path: Path, worth: Mapping[str, Evaluation]) -> None:
-    """Bars: how far above the floor, one panel per parameter that the motion decides about."""
+    """Bars: gaps to the lower bound, one panel per parameter that the motion decides about."""
     canvas, panels = plots.figure(1, len(STUDIED), (11.0, 4.6))
     y = np.arange(len(worth))
     for k, (panel, name) in enumerate(zip(panels, STUDIED, strict=True)):

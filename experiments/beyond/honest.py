@@ -101,7 +101,7 @@ def main(options: Honest) -> None:
     print(text_table(COLUMNS, shown, f"{options.logs} simulated logs, seed {options.seed}"))
     kept = Log(jnp.zeros(1), jnp.zeros(2), motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)
     rests_on = assumptions(motor.system(), kept)
-    print("All intervals but the bare ones rest on:", *rests_on, sep="\n  ")
+    print("All intervals but the bare ones hold provided that:", *rests_on, sep="\n  ")
 
 
 def found_by(options: Honest) -> Found:

@@ -116,7 +116,7 @@ def main(options: Sequential) -> None:
     write_table(options.named("sequential.csv"), COLUMNS, rows)
     draw(options.named("sequential.png"), rows)
     print(text_table(COLUMNS, [[row[name] for name in COLUMNS] for row in rows]))
-    print("These intervals rest on:", *assumptions(motor.system(), *logs), sep="\n  ")
+    print("These intervals hold provided that:", *assumptions(motor.system(), *logs), sep="\n  ")
 
 
 def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> Iterator[Round]:

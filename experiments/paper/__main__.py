@@ -142,7 +142,7 @@ def save_tables(
     )
     rests_on = (*assumptions(motor.system()), "All signals of Tables II and III are exact.")
     rests = "\n".join(
-        ["The intervals of Tables II and III rest on:", *(f"  {x}" for x in rests_on)]
+        ["The intervals of Tables II and III hold provided that:", *(f"  {x}" for x in rests_on)]
     )
     return [*texts, "\n".join(notes), rests]
 
@@ -167,7 +167,7 @@ def kept(
 
 
 def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[str]:
-    """How far from the floor are the designs, and what does one experiment with the best prove?"""
+    """How far are designs from the lower bound, and what does one run of the best one guarantee?"""
     least = lower_bound(motor.system(), motor.limits())
     motions = tqdm(trajectories.items(), "certificates")
     worths = {cell: certificates.worth(motion, least) for cell, motion in motions}
@@ -181,7 +181,9 @@ def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[s
     certificate_figures.possible(study.out, proof)
     certificate_figures.overview(study.out, motion, proof)
     shown = {cell: one for cell, one in worths.items() if cell.horizon == HORIZON}
-    rests = "\n".join(["These intervals rest on:", *(f"  {line}" for line in proof.assumptions)])
+    rests = "\n".join(
+        ["These intervals hold provided that:", *(f"  {line}" for line in proof.assumptions)]
+    )
     return [
         certificate_tables.table_4(shown).text(TABLE_4_TITLE),
         proved.text("One experiment of 0.6 s: what its log proves, beside the paper's three"),
@@ -191,7 +193,7 @@ def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[s
 
 TABLE_4_TITLE = (
     f"Table 4, N = {HORIZON}: worst-case errors by estimator, guaranteed with servo and encoder, "
-    "certified floor"
+    "certified lower bound"
 )
 LIMITS_TITLE = (
     "What the axis did (true position and velocity, commanded input): "

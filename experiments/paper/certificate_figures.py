@@ -21,7 +21,7 @@ _MARKS = {
 
 
 def above_floor(folder: Path, worths: Mapping[str, Worth]) -> None:
-    """Errors over the certified floor: one panel per parameter, one column per design."""
+    """Errors over the certified lower bound: one panel per parameter, one column per design."""
     names = motor.system().names
     canvas, panels = plots.figure(1, len(names), (11.0, 4.4))
     for k, (panel, name) in enumerate(zip(panels, names, strict=True)):

@@ -26,7 +26,7 @@ _ESTIMATORS = {
 
 
 def table_4(worths: Mapping[Cell, Worth]) -> Table:
-    """What each design is worth by every estimator; gap = guaranteed/floor − 1."""
+    """Errors of each design by every estimator; gap = predicted / lower bound − 1."""
     rows: list[Row] = []
     for cell, (evaluation, errors) in worths.items():
         evaluated = rows_of({cell.label: evaluation}, "design", motor.system().names)
@@ -37,7 +37,7 @@ def table_4(worths: Mapping[Cell, Worth]) -> Table:
 
 
 def proved(proof: Proof, floor: Errors) -> Table:
-    """One experiment: the interval of each parameter, and what the data leave possible of it."""
+    """One experiment: the interval of each parameter, and that of the feasible set."""
     found, left = proof.guarantee.estimate, proof.left
     possible = jnp.stack([left.lower, left.upper, (left.upper - left.lower) / 2], axis=1)
     rows: list[Row] = []

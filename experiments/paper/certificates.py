@@ -1,4 +1,4 @@
-"""How good the designs are, and what one experiment proves: guaranteed errors, floor, set of θ."""
+"""How good the designs are, and what one run guarantees: errors, lower bound, feasible set."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -26,10 +26,10 @@ _NODES = 256  # per interval, of the errors of the estimators: twice as many cha
 
 
 class Worth(NamedTuple):
-    """What a motion is worth for each parameter.
+    """The errors of a motion, for each parameter.
 
     Attributes:
-        evaluation: by least squares, what its log can be expected to prove, and the floor.
+        evaluation: least-squares and predicted errors, lower bounds.
         errors: worst-case errors on the desired motion by other estimators, shape (m,) each.
     """
 
@@ -43,7 +43,7 @@ class Proof(NamedTuple):
     Attributes:
         assumptions: sentences that state what all of these intervals assume.
         guarantee: by the weights that were best before the data.
-        left: all that the data leave possible.
+        left: intervals of the feasible set.
         projections: of the same, by pair of parameters.
     """
 

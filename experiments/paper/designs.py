@@ -23,9 +23,9 @@ from jaxid.search.effort import Effort
 
 STUDIED = ("M", "B", "Fc")
 INFINITY = "infinity"  # the largest error relative to the prior box
-ONE_MOTION = "one_motion"  # the largest guaranteed error relative to the floor
+ONE_MOTION = "one_motion"  # the largest predicted error relative to its lower bound
 HORIZON = 30  # of the motions that are not for one parameter of Table I
-# of the floor: what the log of the one motion is to be expected to prove of all parameters at once
+# predicted errors of the one motion that are permitted, relative to the lower bounds
 ALLOWED = (1.06, 1.015, 1.02, 1.01)
 
 # only shows that everything runs
