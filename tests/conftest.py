@@ -1,4 +1,5 @@
 import os
+import subprocess
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,7 +39,27 @@ def pytest_runtest_teardown() -> None:
         jax.clear_caches()
 
 
-FIGURES = Path(__file__).parent.parent / "figures"
+ROOT = Path(__file__).parent.parent
+
+
+def tables() -> Path:
+    """The tables as they are committed or staged.
+
+    `make reproduce` may find other motions on another processor, and then tables that other
+    commands made of the committed motions do not belong to them.
+    """
+    listed = ["git", "ls-files", "-z", "--", "figures"]
+    changed = subprocess.run([*listed, "--modified"], cwd=ROOT, capture_output=True)
+    if changed.returncode or not changed.stdout:  # no repository, or nothing was changed
+        return ROOT / "figures"
+    names = subprocess.run(listed, cwd=ROOT, capture_output=True, check=True).stdout
+    folder = Path(tempfile.mkdtemp())
+    out = ["git", "checkout-index", "-z", "--stdin", f"--prefix={folder}/"]
+    subprocess.run(out, cwd=ROOT, input=names, check=True)
+    return folder / "figures"
+
+
+FIGURES = tables()
 
 
 @pytest.fixture(scope="session")

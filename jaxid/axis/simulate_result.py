@@ -146,7 +146,7 @@ def page(found: Simulated) -> bytes:
     canvas, panels = plots.figure(2, 2, (11.0, 7.0))
     instants = np.asarray(drawn.time[0])
     error = np.asarray(drawn.position - found.played.states(drawn.time[0]).position[None])
-    exceeded = np.max(np.stack([found.excess[name] for name in found.excess]), axis=0) > 0
+    exceeded = np.max(np.stack(list(found.excess.values())), axis=0)[: len(error)] > 0
     _draw(panels[0], instants, error, exceeded)
     plots.engineering(panels[0], unit)
     plots.label(panels[0], "", "tracking error", "Position − designed position")
