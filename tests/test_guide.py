@@ -84,6 +84,8 @@ def test_the_tutorial_works_as_printed(tmp_path, monkeypatch, capsys):
     readme = blocks((ROOT / "README.md").read_text(), "text")[0]
     assert readme.partition("hold provided that:")[2].strip() in said
     assert rows(readme) == rows(shown[0])
+    shown_factor, factor = (re.search(r"at least (\S+)·δ", x) for x in (readme, said))
+    assert float(factor[1]) == pytest.approx(float(shown_factor[1]), rel=0.3)
     # the true values of the simulated plant are in the intervals
     truth = dict(re.findall(r"(M|B|Fc|dbar) (0\.\d+)[,.]", page))
     assert len(truth) == 4

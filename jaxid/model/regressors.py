@@ -114,7 +114,7 @@ class Custom(Regressor):
 
     @property
     def formula(self) -> str:
-        """The name of the function, as text for reports."""
+        """The formula of f as text: the name of the function."""
         return f"{getattr(self.function, '__name__', 'f').replace('<lambda>', 'f')}(y, ẏ)"
 
 
@@ -134,7 +134,7 @@ class Viscous(Regressor):
 
     @property
     def formula(self) -> str:
-        """The text ẏ."""
+        """The formula of f as text: ẏ."""
         return "ẏ"
 
 
@@ -178,7 +178,7 @@ class Coulomb(Regressor, Nonsmooth):
 
     @property
     def formula(self) -> str:
-        """The text (2/π)·arctan(β·ẏ), with the number β."""
+        """The formula of f as text: (2/π)·arctan(β·ẏ) with the number β."""
         return f"(2/π)·arctan({float(self.beta):g}·ẏ)"
 
 
@@ -198,7 +198,7 @@ class Constant(Regressor):
 
     @property
     def formula(self) -> str:
-        """The text 1."""
+        """The formula of f as text: 1."""
         return "1"
 
 
@@ -223,7 +223,7 @@ class Sign(Regressor):
 
     @property
     def formula(self) -> str:
-        """The text sign(ẏ)."""
+        """The formula of f as text: sign(ẏ)."""
         return "sign(ẏ)"
 
 
@@ -249,7 +249,7 @@ class Spring(Regressor):
 
     @property
     def formula(self) -> str:
-        """The text (y − rest), with the number."""
+        """The formula of f as text: (y − rest) with the number."""
         return f"(y{_plus(-float(self.rest))})"
 
 
@@ -291,7 +291,7 @@ class OneWay(Regressor):
 
     @property
     def formula(self) -> str:
-        """The text of the other regressor, and the direction."""
+        """The formula of f as text: that of the other regressor, and the direction."""
         return f"[{self.regressor.formula} for ẏ {'>' if self.forward else '<'} 0]"
 
 
@@ -328,7 +328,7 @@ class Sine(Regressor):
 
     @property
     def formula(self) -> str:
-        """The text sin(2π·y/pitch + phase), with the numbers."""
+        """The formula of f as text: sin(2π·y/pitch + phase) with the numbers."""
         pitch = float(self.pitch)
         angle = "y" if math.isclose(pitch, 2 * math.pi) else f"2π·y/{pitch:g}"
         return f"sin({angle}{_plus(float(self.phase))})"
