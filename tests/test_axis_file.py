@@ -252,6 +252,10 @@ def test_one_level_of_the_disturbance_is_enough(read):
             "jrek =",
             r"\[limits\] has the unknown entry `jrek`; it may have position, velocity",
         ),
+        ('name = "M"', 'name = ".."', "`name` is used as a folder name"),
+        ('name = "M"', 'name = "all"', "`name` must not be all or wanted"),
+        ("duration = 0.6 ", "duration = 1e300 ", "`motion.duration` = 1e.300 s must be at most 10"),
+        ("delay = 0 ", "delay = 99999999 ", "`delay` must be 0 to 10000"),
         ("[0.08, 0.18]", "[0.18, 0.08]", "lower end below its upper end"),
         (
             "[0.08, 0.18]",
