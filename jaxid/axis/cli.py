@@ -125,8 +125,8 @@ def design(
             accuracies in the table [wanted]).
         durations: durations of the motions, s.
         seed: seed of the random search.
-        effort: effort of the search; quick takes a tenth of the time, and its errors are a few per
-            cent larger.
+        effort: effort of the search; quick is a shorter one, whose errors are larger: compare their
+            optimality gaps.
         force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """

@@ -96,7 +96,7 @@ class SimulateResult(Result):
             (
                 f"Monte Carlo check on {said.plants} simulated plants (seed {said.seed}): "
                 "evidence, not a proof.",
-                *self._verdict(),
+                *_verdict(said),
                 plots.text_table(
                     ("limit", "unit", "plants that exceed it", "smallest margin"), margins
                 ),
@@ -106,20 +106,20 @@ class SimulateResult(Result):
             )
         )
 
-    def _verdict(self) -> Iterator[str]:
-        """Yield a sentence for each limit that is exceeded, or one that all are kept."""
-        said = self.summary()
-        exceeded = {name: one for name, one in said.limits.items() if one.exceeded_by}
-        if not exceeded:
-            yield "All plants kept all limits."
-        for name, one in exceeded.items():
-            if one.smallest_margin is None:
-                by = "the loop of at least one of them diverged"
-            else:
-                most = at_most(-one.smallest_margin)
-                by = f"by up to {most} {one.unit}: design for limits that are narrower by this"
-            number = f"{one.exceeded_by} of {said.plants} plants"
-            yield f"`limits.{name}` was exceeded by {number}, {by}."
+
+def _verdict(said: SimulationSummary) -> Iterator[str]:
+    """Yield a sentence for each limit that is exceeded, or one that all are kept."""
+    exceeded = {name: one for name, one in said.limits.items() if one.exceeded_by}
+    if not exceeded:
+        yield "All plants kept all limits."
+    for name, one in exceeded.items():
+        if one.smallest_margin is None:
+            by = "the loop of at least one of them diverged"
+        else:
+            most = at_most(-one.smallest_margin)
+            by = f"by up to {most} {one.unit}: design for limits that are narrower by this"
+        number = f"{one.exceeded_by} of {said.plants} plants"
+        yield f"`limits.{name}` was exceeded by {number}, {by}."
 
 
 def _limits(found: Simulated) -> dict[str, SimulatedLimit]:
