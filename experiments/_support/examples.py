@@ -95,9 +95,11 @@ def draw_intervals(
         return (np.asarray(values)[:m] - centre) / half
 
     bars = {name: (relative(e.lower), relative(e.upper)) for name, e in found.items()}
-    bars = {"prior box": (-np.ones(m), np.ones(m))} | bars
+    bars = {"prior interval": (-np.ones(m), np.ones(m))} | bars
     plots.intervals(panel, axis.names, bars, relative(truth))
-    plots.label(panel, "parameter", "half-widths of the prior box", "what one log proves")
+    plots.label(
+        panel, "parameter", "share of the prior interval", "Guaranteed intervals of one log"
+    )
     legend = panel.get_legend()
     assert legend is not None
     legend.remove()

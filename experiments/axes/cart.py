@@ -190,20 +190,20 @@ def draw(
     log: jd.Log,
     readings: Mapping[Pair, Reading],
 ) -> None:
-    """Both motions, what either model leaves of the input of one log, and the intervals."""
+    """Draw both motions, the residual of each model for one log, and the intervals."""
     canvas, (left, middle, right) = plots.figure(1, 3, (14.0, 4.8))
     for motion, colour in zip(motions.values(), (plots.BLUE, plots.GREEN), strict=True):
         time = np.linspace(0.0, float(motion.duration), 1000)
         velocity = np.asarray(motion.states(jnp.asarray(time)).velocity)
         left.plot(time, velocity, color=colour, linewidth=1.8)
     plots.limit_lines(left, task().limits.velocity.tolist())
-    plots.label(left, "time (s)", "velocity (m/s)", "one motion for each model")
+    plots.label(left, "time (s)", "velocity (m/s)", "One motion for each model (limits dashed)")
     for axis, colour in ((in_delta(), plots.BLUE), (known(), plots.RED)):
         found = fit_least_squares(axis, [log])
         middle.plot(1000 * found.position, found.residual, ".", color=colour, markersize=3)
     plots.limit_lines(middle, (-REST, REST))
-    title = f"rest by least squares, and ±{REST:g} N"
-    plots.label(middle, "position (mm)", "rest of the input (N)", title)
+    title = f"Least-squares residual, and ±{REST:g} N (dashed)"
+    plots.label(middle, "position (mm)", "residual of the input (N)", title)
     bars = {label: readings[pair].proved for label, pair in SHOWN.items()}
     draw_intervals(canvas, right, in_delta(), bars, TRUE_PARAMETERS)
     plots.save(canvas, path)

@@ -277,7 +277,7 @@ def designed(
 
 
 def draw(path: Path, result: Result) -> None:
-    """Intervals lap by lap beside the published values."""
+    """Draw the intervals of each lap and of all laps, and the published values."""
     names = result.system.names
     canvas, panels = plots.figure(1, len(names), (11.0, 4.0))
     parts = [*(str(k) for k in range(1, LAPS + 1)), "all"]
@@ -288,9 +288,14 @@ def draw(path: Path, result: Result) -> None:
         panel.vlines(x, low, high, color=plots.BLUE, linewidth=8, label="guaranteed")
         panel.axhline(PUBLISHED[name], color=plots.RED, linewidth=1.5, label="published")
         panel.set_xticks(x, parts, fontsize=12)
-        plots.label(panel, "lap", "", f"{name} ({result.system.units[k]})")
+        low, high = BOX[name]
+        prior = f"prior {low:g} … {high:g}".replace("-", "−")
+        plots.label(panel, "lap", "", f"{name} ({result.system.units[k]})\n{prior}")
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
+    delta = MARGIN * result.smallest
+    title = f"EMPS record: guaranteed intervals if every unmodelled force is at most {delta:.3g} N"
+    canvas.suptitle(title, fontsize=12)
     plots.save(canvas, path)
 
 

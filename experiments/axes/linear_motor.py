@@ -67,6 +67,11 @@ PAPER_TABLE_2 = {"M": (0.12233, 0.01820), "B": (0.22593, 0.24737), "Fc": (0.1925
 PAPER_TABLE_3 = {0.3: (0.076, 3.653, 0.540, 0.189), 0.5: (0.056, 2.507, 0.510, 0.182)}
 
 
+def seconds(horizon: int) -> float:
+    """Return the duration 2·N·T of a motion with horizon N, s."""
+    return 2 * horizon * KNOT_PERIOD
+
+
 def system() -> System:
     """The motor (31) with its box Ω_θ and bound δ (33)."""
     return System(

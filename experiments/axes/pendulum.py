@@ -137,18 +137,19 @@ def main(options: Example) -> None:
 
 
 def draw(path: Path, logs: Mapping[str, jd.Log], proved: Mapping[str, Estimate]) -> None:
-    """The motions, the torque with and without a price, and what each log proves."""
+    """Draw the motions, their torques, and the guaranteed intervals of each log."""
     canvas, (left, middle, right) = plots.figure(1, 3, (14.0, 4.8))
-    limits, labels = task().limits, {ALL: "for all", ERROR: "for J", COOL: "for J and heat"}
+    limits, labels = task().limits, {
+        ALL: "motion for all", ERROR: "motion for J", COOL: "motion for J and low heat",
+    }  # fmt: skip
     for (name, log), colour in zip(logs.items(), plots.CYCLE, strict=False):
         time = np.arange(log.position.size) * SERVO.period
         left.plot(time, log.position, color=colour, linewidth=1.8)
-        if name != ALL:
-            middle.plot(time[:-1], log.input, color=colour, linewidth=1.2)
+        middle.plot(time[:-1], log.input, color=colour, linewidth=1.2)
     plots.limit_lines(left, limits.position.tolist())
     plots.limit_lines(middle, limits.input.tolist())
-    plots.label(left, "time (s)", "position (rad)", "three motions, as logged")
-    plots.label(middle, "time (s)", "torque (N m)", "with and without a price on heat")
+    plots.label(left, "time (s)", "position (rad)", "Three motions (limits dashed)")
+    plots.label(middle, "time (s)", "torque (N m)", "Torque (limits dashed)")
     bars = {labels[name]: found for name, found in proved.items()}
     draw_intervals(canvas, right, axis=system(), found=bars, truth=TRUE_PARAMETERS)
     plots.save(canvas, path)

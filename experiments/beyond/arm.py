@@ -88,7 +88,7 @@ def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
 
 
 def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Evaluation]) -> None:
-    """The motion for all parameters, and gaps by design and parameter."""
+    """Draw the motion for all parameters, and optimality gaps by design and parameter."""
     canvas, panels = plots.figure(1, 3, (12.0, 4.2))
     time = np.linspace(0.0, float(motion.duration), 1000)
     states, limits = motion.states(jnp.asarray(time)), arm.limits()
@@ -99,13 +99,15 @@ def draw(path: Path, motion: JerkTrajectory, worth: Mapping[str, Evaluation]) ->
         ("position (rad)", "velocity (rad/s)"),
         strict=False,
     ):
-        plots.series(panel, time, np.asarray(values), name, title="motion for all parameters")
+        plots.series(panel, time, np.asarray(values), name)
         plots.limit_lines(panel, np.asarray(limit).tolist())
     gaps = 100 * np.array([np.asarray(one.gap) for one in worth.values()])
     names = arm.system().names
     plots.heat_map(panels[2], gaps, list(worth), names, "{:.1f}", logarithmic=True)
-    title = "guaranteed error, % above the floor"
-    plots.label(panels[2], "parameter", "designed for", title)
+    panels[0].set_title("One motion for all (limits dashed)", fontsize=12)
+    panels[1].set_title("Its velocity (limits dashed)", fontsize=12)
+    title = "Predicted error, % above its lower bound"
+    plots.label(panels[2], "parameter", "motion designed for", title)
     plots.save(canvas, path)
 
 

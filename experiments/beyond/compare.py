@@ -63,6 +63,17 @@ FAMILIES: Mapping[str, type[Excitation]] = {
 }
 CRITERIA = {"d_optimal": "D", "a_optimal": "A", "e_optimal": "E"}
 LEAST_SQUARES, OURS = "lse", "minimax"
+TITLES = {
+    "multisine": "multisine",
+    "fourier": "Fourier series",
+    "prbs": "PRBS",
+    "bang_bang": "bang-bang",
+    "d_optimal": "D-optimal",
+    "a_optimal": "A-optimal",
+    "e_optimal": "E-optimal",
+    LEAST_SQUARES: "least squares ($J_*$)",
+    OURS: "minimax (jaxid)",
+}
 EXCITATIONS = (*FAMILIES, *CRITERIA, LEAST_SQUARES, OURS)
 COLUMNS = ("excitation", "parameter", "J_lse", "predicted", "gap")
 
@@ -190,17 +201,21 @@ def budget(effort: Effort) -> Budget:
 
 def draw(path: Path, worth: Mapping[str, Evaluation]) -> None:
     """Bars: gaps to the lower bound, one panel per parameter that the motion decides about."""
-    canvas, panels = plots.figure(1, len(STUDIED), (11.0, 4.6))
+    canvas, panels = plots.figure(1, len(STUDIED), (11.0, 4.8))
+    most = 100 * max(float(jnp.max(one.gap[: len(STUDIED)])) for one in worth.values())
     y = np.arange(len(worth))
     for k, (panel, name) in enumerate(zip(panels, STUDIED, strict=True)):
         gaps = [100 * float(one.gap[k]) for one in worth.values()]
         colours = [plots.RED if excitation == OURS else plots.BLUE for excitation in worth]
         bars = panel.barh(y, gaps, color=colours)
         panel.bar_label(bars, fmt="%.1f", padding=3, fontsize=10)
-        panel.set_yticks(y, [e.replace("_", " ") for e in worth] if k == 0 else [])
+        panel.set_yticks(y, [TITLES.get(e, e) for e in worth] if k == 0 else [""] * len(y))
         panel.invert_yaxis()
-        panel.margins(x=0.15)
-        plots.label(panel, "guaranteed error, % above the floor", "", SYMBOLS[name])
+        panel.set_xlim(0.0, 1.15 * most)
+        plots.label(panel, "% above the lower bound", "", SYMBOLS[name])
+    canvas.suptitle(
+        "Predicted guaranteed half-widths: no motion and no estimator is below 0 %", fontsize=12
+    )
     plots.save(canvas, path)
 
 

@@ -42,12 +42,14 @@ class EndToEnd:
         out: the folder that the tables are written to.
         motions: the folder with the trajectories of the study.
         processes: how many searches run side by side; the results do not depend on it.
+        redraw: make the tables from endtoend.csv as it is, without a search.
         toy: three cases, hardly searched: only shows that everything runs.
     """
 
     out: Path = Path("figures")
     motions: Path = Path("figures")
     processes: int = 2
+    redraw: bool = False
     toy: bool = False
 
     def table_6(self) -> list[Case]:
@@ -77,6 +79,7 @@ class Archive:
     """Everything that was found, in a file that is whole at any moment."""
 
     path: Path
+    redraw: bool = False  # whether rows count that were made from other inputs
     rows: dict[Key, tables.Row] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -90,16 +93,19 @@ class Archive:
 
     def of(self, case: Case) -> dict[str, tables.Row]:
         """Its rows by design, but for those that were made from other inputs."""
-        inputs = fingerprint(case)
         keys = {name: key_of({**labels(case), "design": name}) for name in STAGES}
         rows = {name: self.rows[key] for name, key in keys.items() if key in self.rows}
+        if self.redraw:
+            return rows
+        inputs = fingerprint(case)
         return {name: row for name, row in rows.items() if row["inputs"] == inputs}
 
 
 def main(options: EndToEnd) -> None:
     """Search what is missing, save, print."""
-    archive = Archive(options.out / f"{options.prefix}endtoend.csv")
-    complete(options, archive)
+    archive = Archive(options.out / f"{options.prefix}endtoend.csv", options.redraw)
+    if not options.redraw:
+        complete(options, archive)
     for name, cases, draw in (
         ("table6", options.table_6(), gain_maps.study),
         ("table7", options.table_7(), gain_maps.harder),

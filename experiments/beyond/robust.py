@@ -94,12 +94,12 @@ def main(options: Robust) -> None:
 
 
 def draw(options: Robust, name: str) -> None:
-    """The tube of the proved motion, and what corners of the box do in it."""
+    """Draw the tube of the proved motion, and the range of simulated corners of the box."""
     case, found = options.case(name), motion(options, name, "proved")
     after = found.states(motor.CONTROL_PERIOD * jnp.arange(1, case.ticks + 1))
-    seen = case.axis(encoder())(found)
+    simulated = case.axis(encoder())(found)
     path = options.out / f"{options.prefix}tube.png"
-    figures.tube(path, after, tube(case)(found), seen, case.setting.limits(), name)
+    figures.tube(path, after, tube(case)(found), simulated, case.setting.limits(), name)
 
 
 def motion(options: Robust, name: str, method: str) -> JerkTrajectory:

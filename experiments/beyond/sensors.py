@@ -1,4 +1,4 @@
-"""What a guarantee costs over encoder resolutions and servo periods, by three ways: sensors.csv."""
+"""Predicted guaranteed errors over encoder resolutions and sample periods, by three estimators."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from jaxid.identification.regression_rows import RegressionRows, boxes, guarante
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.io import plots
 from jaxid.io.files import Cell as Value
-from jaxid.io.files import read_trajectory, write_table
+from jaxid.io.files import read_table, read_trajectory, write_table
 from jaxid.loop.log import Log
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
@@ -40,16 +40,18 @@ COLUMNS = ("way", "period_s", "resolution_m", "parameter", "predicted", "lower_b
 
 @dataclass(frozen=True)
 class Sensors:
-    """Guaranteed errors of the one motion, whatever encoder and servo its log comes from.
+    """Predicted guaranteed errors of the one motion for many encoders and sample periods.
 
     Attributes:
         out: the folder that sensors.csv and sensors.png are written to.
         motions: the folder with the trajectories of the study.
+        redraw: draw the sensors.csv in `out` again instead of computing it.
         toy: the motor's own sensor only: shows that everything runs.
     """
 
     out: Path = Path("figures")
     motions: Path = Path("figures")
+    redraw: bool = False
     toy: bool = False
 
 
@@ -89,22 +91,24 @@ WAYS: Mapping[str, Way] = {
     "modulating": Way(hats, _modulated),
 }
 _LABELS = {
-    "first_order_filter": ("$H_f$, differenced velocity (the paper's way, made honest)", "x"),
+    "first_order_filter": ("the paper's filter on differenced velocity, sampling counted", "x"),
     "second_order_filter": ("second-order filter on the position", "s"),
-    "modulating": ("optimal modulating functions", "o"),
+    "modulating": ("optimal modulating functions (jaxid)", "o"),
 }
 
 
 def main(options: Sensors) -> None:
     """Compute, save, draw."""
-    rows = list(costs(options))
     prefix = "toy_" if options.toy else ""
-    write_table(options.out / f"{prefix}sensors.csv", COLUMNS, rows)
+    table = options.out / f"{prefix}sensors.csv"
+    if not options.redraw:
+        write_table(table, COLUMNS, list(costs(options)))
+    rows = read_table(table)
     draw(options.out / f"{prefix}sensors.png", rows)
 
 
 def costs(options: Sensors) -> Iterator[dict[str, Value]]:
-    """What each way guarantees for each parameter and sensor; with filters, at the best w each."""
+    """Predicted errors by estimator, parameter and sensor; of a filter, with its best bandwidth."""
     system, least = motor.system(), lower_bound(motor.system(), motor.limits()).value
     motion = read_trajectory(trajectory_path(options.motions, Cell(ONE_MOTION, HORIZON)))
     whole = [(period, resolution) for period in PERIODS for resolution in RESOLUTIONS]
@@ -130,31 +134,36 @@ def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
     return bounds
 
 
-def draw(path: Path, rows: list[dict[str, Value]]) -> None:
-    """Over resolutions at the motor's period above, over periods at its resolution below."""
+def draw(path: Path, rows: list[dict[str, str]]) -> None:
+    """Draw the rows of sensors.csv: over resolutions at the motor's period above, over periods at its resolution below."""
     canvas, panels = plots.figure(2, len(STUDIED), (11.0, 7.0))
     sides = (
-        ("resolution_m", "period_s", motor.CONTROL_PERIOD, "encoder count (µm)", 1e6, "at 0.2 ms"),
-        ("period_s", "resolution_m", motor.ENCODER_RESOLUTION, "period (ms)", 1e3, "at 0.5 µm"),
-    )
+        ("resolution_m", "period_s", motor.CONTROL_PERIOD,
+         "encoder resolution (µm)", 1e6, "sampled every 0.2 ms"),
+        ("period_s", "resolution_m", motor.ENCODER_RESOLUTION,
+         "sample period (ms)", 1e3, "encoder of 0.5 µm"),
+    )  # fmt: skip
     for number, (along, fixed, value, label, factor, title) in enumerate(sides):
         for name, panel in zip(STUDIED, panels[number * len(STUDIED) :], strict=False):
-            chosen = [r for r in rows if r["parameter"] == name and r[fixed] == value]
+            chosen = [r for r in rows if r["parameter"] == name and float(r[fixed]) == value]
             for colour, (way, (text, mark)) in zip(plots.CYCLE, _LABELS.items(), strict=False):
                 own = [r for r in chosen if r["way"] == way]
-                x = [factor * float(r[along] or 0) for r in own]
+                x = [factor * float(r[along]) for r in own]
                 panel.loglog(x, _above(own, "predicted"), f"{mark}-", color=colour, label=text)
             for worthless in _above(chosen[:1], "prior"):
-                panel.axhline(worthless, color=plots.GREY, linestyle="--", label="prior box")
-            side = "% above the floor" if name == STUDIED[0] else ""
+                panel.axhline(worthless, color=plots.GREY, linestyle="--", label="prior interval")
+            panel.xaxis.set_major_formatter("{x:g}")
+            panel.yaxis.set_major_formatter("{x:g}")
+            side = "% above the lower bound" if name == STUDIED[0] else ""
             plots.label(panel, label, side, f"{SYMBOLS[name]}, {title}")
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=10)
+    canvas.suptitle("Predicted guaranteed half-widths of one motion of 0.6 s", fontsize=12)
     plots.save(canvas, path)
 
 
-def _above(rows: list[dict[str, Value]], column: str) -> list[float]:
-    return [100 * (float(r[column] or 0) / float(r["lower_bound"] or 1) - 1) for r in rows]
+def _above(rows: list[dict[str, str]], column: str) -> list[float]:
+    return [100 * (float(r[column]) / float(r["lower_bound"]) - 1) for r in rows]
 
 
 if __name__ == "__main__":

@@ -247,22 +247,35 @@ def draw(path: Path, rows: Sequence[dict[str, Cell]]) -> None:
             x = np.array([float(r["round"] or 0) for r in own]) + side
             for first, last, width, alpha, what in (
                 ("lower", "upper", 9, 0.3, "θ̂ ± bound"),
-                ("feasible_lower", "feasible_upper", 5, 1.0, "all that is possible"),
+                ("feasible_lower", "feasible_upper", 5, 1.0, "feasible set"),
             ):
-                low, high = ([float(r[end] or 0) for r in own] for end in (first, last))
-                text = f"{what}, {jerk:g} m/s³"
+                # the intervals of all rounds contain the true value, so their intersection does
+                low = np.maximum.accumulate([float(r[first] or 0) for r in own])
+                high = np.minimum.accumulate([float(r[last] or 0) for r in own])
+                text = f"{what}, jerk limit {jerk:g} m/s³"
                 panel.vlines(x, low, high, color=colour, linewidth=width, alpha=alpha, label=text)
-            panel.axhline(float(own[0]["theta_true"] or 0), color=plots.BLACK, linewidth=1.0)
+        panel.axhline(
+            motor.TRUE_PARAMETERS[_index(name)],
+            color=plots.BLACK,
+            linewidth=1.0,
+            label="true value",
+        )
         panel.set_xticks(range(1, 1 + max(int(r["round"] or 0) for r in rows)))
-        plots.label(panel, "round", "", f"{SYMBOLS[name]} ({_unit(name)})")
+        low, high = (float(end) for end in motor.system().terms[_index(name)].interval)
+        prior = f"prior {low:g} … {high:g}".replace("-", "−")
+        plots.label(panel, "experiment", "", f"{SYMBOLS[name]} ({_unit(name)})\n{prior}")
     handles, labels = panels[0].get_legend_handles_labels()
-    canvas.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=11)
+    canvas.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=11)
+    canvas.suptitle("Guaranteed intervals by all experiments so far", fontsize=12)
     plots.save(canvas, path)
 
 
+def _index(name: str) -> int:
+    return motor.system().index(name)
+
+
 def _unit(name: str) -> str:
-    system = motor.system()
-    return system.units[system.index(name)]
+    return motor.system().units[_index(name)]
 
 
 if __name__ == "__main__":

@@ -114,7 +114,7 @@ def compute(options: Sweep) -> xr.Dataset | None:
 
 
 def summary(dataset: xr.Dataset) -> str:
-    """Is (29) kept?"""
+    """Return how often the true parameters are outside θ̂ ± J_f, which (29) promises never to be."""
     loops, diverged = dataset.tracking_error.count(), np.isinf(dataset.tracking_error).sum()
     kept = dataset.outside.where(np.isfinite(dataset.tracking_error))
     return (
@@ -158,7 +158,7 @@ def gains() -> dict[str, ARC]:
         return eqx.tree_at(lambda arc: getattr(arc, name), chosen, replace_fn=lambda g: g * factor)
 
     return {
-        "as chosen": chosen,
+        heat_maps.NOMINAL: chosen,
         "k₁ / 4": with_("k1", 1 / 4),
         "k₁ × 2": with_("k1", 2.0),
         "k₂ / 4": with_("k2", 1 / 4),
@@ -191,10 +191,10 @@ def scenarios(seed: int) -> dict[str, tuple[ArrayLike, ArrayLike]]:
         "no Δ": (true, (0.0, 0.0, 0.0)),
         "cogging, friction": (true, own),
         "random Δ": (true, random),
-        "adversary": (true, against),
+        "worst-case Δ": (true, against),
         "centre of the box": (centre, own),
-        "lowest θ, adversary": (lower, against),
-        "highest θ, adversary": (upper, against),
+        "lowest θ, worst-case Δ": (lower, against),
+        "highest θ, worst-case Δ": (upper, against),
         **{
             f"random θ and Δ, {k}": (lower + share * (upper - lower), random)
             for k, share in enumerate(shares, 1)

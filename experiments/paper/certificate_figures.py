@@ -16,7 +16,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 _MARKS = {
     "least squares, exact signals": ("x", plots.GREY),
     "predicted guaranteed, with encoder and servo": ("o", plots.BLUE),
-    "best estimator, exact signals": ("_", plots.RED),
+    "best estimator, exact signals": ("D", plots.RED),
 }
 
 
@@ -36,14 +36,20 @@ def above_floor(folder: Path, worths: Mapping[str, Worth]) -> None:
         floor = np.array([float(w.evaluation.lower_bound[k]) for w in worths.values()])
         x = np.arange(len(worths))
         for values, (label, (mark, colour)) in zip(columns, _MARKS.items(), strict=True):
-            style = {"markersize": 9, "markeredgewidth": 2, "linestyle": "none"}
+            style = {"markersize": 8, "markeredgewidth": 1.8, "linestyle": "none"}
+            style |= {"markerfacecolor": "none" if mark == "D" else colour}  # both stay visible
             panel.plot(x, values / floor, mark, color=colour, label=label, **style)
         panel.axhline(1.0, color=plots.BLACK, linewidth=1.2)
-        panel.set_xticks(x, [d.replace("_", "\n") for d in worths], fontsize=10)
+        designs = [SYMBOLS.get(design, design.replace("_", "\n")) for design in worths]
+        panel.set_xticks(x, designs, fontsize=10)
         panel.set_xlim(-0.5, len(worths) - 0.5)
-        plots.label(panel, "designed for", "error / lower bound" if k == 0 else "", SYMBOLS[name])
+        panel.set_ylim(0.97, 1.8)
+        plots.label(
+            panel, "motion designed for", "error / lower bound" if k == 0 else "", SYMBOLS[name]
+        )
     handles, labels = panels[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=11)
+    canvas.suptitle("Errors divided by their lower bound: none can be below 1", fontsize=12)
     plots.save(canvas, folder / "floor.png")
 
 

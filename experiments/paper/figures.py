@@ -23,8 +23,9 @@ def desired(folder: Path, trajectories: Trajectories) -> None:
     limits = np.asarray(motor.limits().motion)
     for number, (cell, trajectory) in enumerate(trajectories.items(), start=1):
         canvas, panels = plots.figure(3, 1, (7.0, 7.5))
+        seconds = motor.seconds(cell.horizon)
         title = (
-            f"Desired trajectory for the estimation of {SYMBOLS[cell.target]}, N = {cell.horizon}"
+            f"Optimal motion of {seconds:g} s for {SYMBOLS[cell.target]}, and its limits (dashed)"
         )
         plots.motion(panels, trajectory, limits, title)
         plots.save(canvas, folder / f"fig{number}.png")
@@ -36,7 +37,7 @@ def tracking(folder: Path, loops: Mapping[Cell, ClosedLoopRun]) -> None:
         signals = loop.signals
         canvas, (above, below) = plots.figure(2, 1, (7.0, 6.0))
         time = np.asarray(signals.time[:-1])
-        title = f"ARC on the motion for {SYMBOLS[cell.target]}, 0.5 µm encoder"
+        title = f"ARC follows the motion for {SYMBOLS[cell.target]} (0.5 µm encoder, limits dashed)"
         plots.series(above, time, np.asarray(signals.input), "control input (V)", title=title)
         plots.limit_lines(above, (-10.0, 10.0))
         error = 1e6 * np.asarray(signals.position[:-1] - signals.reference.position)
@@ -50,7 +51,7 @@ def open_loop(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
         signals = runs[amplitude].signals
         canvas, (above, below) = plots.figure(2, 1, (7.0, 6.0))
         time = np.asarray(signals.time)
-        title = f"Open-loop identification with {amplitude} V pulses"
+        title = f"Open loop, pulses of {amplitude} V (position limits dashed)"
         plots.series(above, time[:-1], np.asarray(signals.input), "input (V)", title=title)
         plots.series(below, time, np.asarray(signals.position), "position (m)", plots.RED)
         plots.limit_lines(below, np.asarray(motor.limits().position).tolist())
@@ -58,7 +59,7 @@ def open_loop(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
 
 
 def bandwidth(folder: Path, sweeps: Mapping[Cell, Sweep], errors: Mapping[Cell, Errors]) -> None:
-    """Figure 9: J_f over the bandwidth beside J*, and the two terms of (30)."""
+    """Figure 9: J_f over the bandwidth divided by J*, and the two error terms of (30)."""
     canvas, panels = plots.figure(2, 2, (9.0, 7.0))
     w = np.asarray(BANDWIDTHS)
     for panel, (cell, sweep) in zip(panels, sweeps.items(), strict=False):
@@ -67,19 +68,18 @@ def bandwidth(folder: Path, sweeps: Mapping[Cell, Sweep], errors: Mapping[Cell, 
         panel.semilogx(w, np.asarray(sweep.exact)[:, index] / star, "o-", color=plots.BLUE)
         panel.semilogx(w, np.asarray(sweep.measured)[:, index] / star, "s--", color=plots.RED)
         panel.axhline(1.0, color=plots.GREY, linewidth=1.2)
-        plots.label(
-            panel, "w (rad/s)", r"$J_f / J_*$", f"{SYMBOLS[cell.target]}, N = {cell.horizon}"
-        )
-        panel.legend(("exact signals", "0.5 µm, differenced", r"$J_*$"), fontsize=10)
+        title = f"Motion of {motor.seconds(cell.horizon):g} s for {SYMBOLS[cell.target]}"
+        plots.label(panel, "filter bandwidth w (rad/s)", r"$J_f / J_*$", title)
+        named = ("exact signals", "0.5 µm encoder (no guarantee)", r"$J_*$, without filter")
+        panel.legend(named, fontsize=10)
     first = next(iter(sweeps.values()))
     terms = panels[3]
     terms.loglog(w, np.asarray(first.noise), "o-", color=plots.BLUE)
     terms.loglog(w, np.asarray(first.measured_noise), "s--", color=plots.RED)
     terms.loglog(w, np.asarray(first.lag), "^:", color=plots.GREEN)
-    plots.label(
-        terms, "w (rad/s)", "rms (m/s²)", f"Terms of (30), motion for {next(iter(sweeps)).target}"
-    )
-    names = ("first: error, exact", "first: error, measured", "second: lag of the filter")
+    title = f"Errors of the filtered acceleration, motion for {next(iter(sweeps)).target}"
+    plots.label(terms, "filter bandwidth w (rad/s)", "rms (m/s²)", title)
+    names = ("tracking error, exact signals", "tracking error, 0.5 µm encoder", "lag of the filter")
     terms.set_ylim(top=3e3)  # room for the legend above the lines
     terms.legend(names, fontsize=10, loc="upper center")
     plots.save(canvas, folder / "fig9.png")
@@ -95,28 +95,31 @@ def amplitudes(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
         bounds = np.array([float(runs[a].estimate.bound[index]) for a in x]) / half[index]
         above.semilogy(x, bounds, styles[index], color=plots.CYCLE[index], label=SYMBOLS[name])
     above.axhline(1.0, color=plots.GREY, linestyle="--")
-    plots.label(above, "", "bound / half of the prior box", "Open loop: larger pulses …")
+    title = "Open loop: no pulse within the stroke narrows B or $F_c$"
+    plots.label(above, "", "error bound / prior half-width", title)
     above.legend(fontsize=11)
     travel = np.array([_travel(runs[a]) for a in x])
     below.fill_between(x, travel[:, 0], travel[:, 1], color=plots.SKY, alpha=0.6)
     plots.limit_lines(below, np.asarray(motor.limits().position).tolist())
     below.set_ylim(-0.3, 1.2)
     start = Pulses().start
-    below.axhline(start, color=plots.BLACK, linewidth=1.0)
-    plots.label(below, "pulse amplitude (V)", "travel within 4 s (m)", "… and the travel they use")
+    below.axhline(start, color=plots.BLACK, linewidth=1.0, label=f"start at {start:g} m")
+    below.plot([], [], "--", color=plots.GREY, label="position limits")
+    below.legend(fontsize=10, loc="upper left")
+    plots.label(below, "pulse amplitude (V)", "positions within 4 s (m)")
     plots.save(canvas, folder / "fig10.png")
 
 
 def tube(
-    path: Path, planned: States, proved: Envelope, seen: Envelope, limits: Limits, name: str
+    path: Path, planned: States, proved: Envelope, simulated: Envelope, limits: Limits, name: str
 ) -> None:
-    """What the axis may do beside its motion, proved and seen, and the room that it has.
+    """Draw proved and simulated ranges of the axis around its motion, and the limits.
 
     Args:
         path: of the picture.
         planned: the motion at the ticks of the envelopes.
-        proved: of all plants.
-        seen: of those that were tried.
+        proved: range over all plants, proved.
+        simulated: range over the plants that were simulated.
         limits: of the axis.
         name: of the parameter that the motion is for.
     """
@@ -124,24 +127,28 @@ def tube(
     time = motor.CONTROL_PERIOD * np.arange(1, planned.position.size + 1)
     none = np.zeros(planned.position.size)
     sides = (
-        ("position", "position: axis - motion (mm)", 1e3, np.asarray(planned.position)),
-        ("velocity", "speed: axis - motion (m/s)", 1.0, np.asarray(planned.velocity)),
+        ("position", "position error (mm)", 1e3, np.asarray(planned.position)),
+        ("velocity", "velocity error (m/s)", 1.0, np.asarray(planned.velocity)),
         ("input", "input (V)", 1.0, none),
     )
     for panel, (side, text, unit, middle) in zip(panels, sides, strict=True):
-        for envelope, colour in ((proved, plots.SKY), (seen, plots.BLUE)):
+        for envelope, colour in ((proved, plots.SKY), (simulated, plots.BLUE)):
             lower, upper = (unit * (np.asarray(x) - middle) for x in getattr(envelope, side))
             panel.fill_between(time, lower, upper, color=colour, linewidth=0.0)
         height = panel.get_ylim()
         for end in getattr(limits, side):
             panel.plot(time, unit * (float(end) - middle), "--", color=plots.RED, linewidth=1.5)
+        panel.axhline(0.0, color=plots.BLACK, linewidth=0.8)
         panel.set_ylim(1.15 * min(height), 1.15 * max(height))
         plots.label(panel, "", text)
-    panels[0].set_title(f"Motion for {SYMBOLS[name]} with a proved tube", fontsize=12)
+    title = f"Motion for {SYMBOLS[name]}: every plant of the prior box stays within the limits"
+    panels[0].set_title(title, fontsize=12)
     panels[0].set_ylim(top=1.4 * panels[0].get_ylim()[1])  # room for the legend
-    names = ("proved, every plant", "seen", "limit")
-    panels[0].legend(names, fontsize=10, loc="upper center", ncols=3)
-    panels[-1].set_xlabel("time of the motion (s)", fontsize=12)
+    names = ("proved for every plant", "simulated corners of the box")
+    panels[0].legend(names, fontsize=10, loc="upper center", ncols=2)
+    limit = panels[-1].lines[0]
+    panels[-1].legend([limit], ["limit"], fontsize=10, loc="upper center")
+    panels[-1].set_xlabel("time (s)", fontsize=12)
     plots.save(canvas, path)
 
 

@@ -160,9 +160,9 @@ def scenarios(
     lower, upper = np.asarray(system.lower), np.asarray(system.upper)
     return {
         "middle of the box, no Δ": (np.asarray(system.centre), (0.0, 0.0)),
-        "middle, adversary": (np.asarray(system.centre), (0.0, 1.0)),
-        "lowest θ, adversary": (lower, (0.0, 1.0)),
-        "highest θ, adversary": (upper, (0.0, 1.0)),
+        "middle, worst-case Δ": (np.asarray(system.centre), (0.0, 1.0)),
+        "lowest θ, worst-case Δ": (lower, (0.0, 1.0)),
+        "highest θ, worst-case Δ": (upper, (0.0, 1.0)),
         **{
             f"random θ and Δ, {k}": (lower + s * (upper - lower), (1.0, 0.0))
             for k, s in enumerate(shares, 1)

@@ -210,10 +210,11 @@ def heat_map(
     highest: float = np.inf,
     logarithmic: bool = False,
     ends: tuple[float, float] | None = None,
+    signed: bool = False,
 ) -> None:
     """Draw a table as numbers on colours, from the smallest value (dark) to the largest.
 
-    NaN cells (not computed) are hatched, infinite ones black, those above `highest` orange.
+    NaN cells (not computed) are hatched, infinite ones black, those above `highest` red.
 
     Args:
         panel: axes to draw on.
@@ -225,13 +226,17 @@ def heat_map(
         logarithmic: whether equal ratios of values are equal steps of colour.
         ends: lowest and highest value of the colours, for several maps alike; default the extremes
             of the values.
+        signed: whether the values are changes: colours diverge from white at zero, violet for
+            negative and orange for positive values, equally far on both sides.
     """
     ordinary = values[np.isfinite(values) & (values <= highest)]
     if ends is None:
         top = min(highest, 1.0)  # any ends, if no value is finite
         ends = (ordinary.min(), ordinary.max()) if ordinary.size else (top / 2, top)
+    if signed:
+        ends = -max(map(abs, ends)), max(map(abs, ends))
     norm = (LogNorm if logarithmic else Normalize)(*ends)
-    colours = colormaps["viridis"].with_extremes(over=ORANGE)
+    colours = colormaps["PuOr_r" if signed else "viridis"].with_extremes(over=RED)
     shown = np.ma.masked_invalid(values)
     panel.imshow(shown, norm=norm, cmap=colours, aspect="auto", interpolation="nearest")
     for (row, column), value in np.ndenumerate(values):
@@ -241,11 +246,19 @@ def heat_map(
         if np.isinf(value):
             _box(panel, row, column, facecolor=BLACK)
         text = number.format(value) if np.isfinite(value) else "∞"
-        colour = BLACK if np.isfinite(value) and norm(value) > 0.55 else "white"
-        panel.text(column, row, text, ha="center", va="center", fontsize=12, color=colour)
+        panel.text(
+            column, row, text, ha="center", va="center", fontsize=12,
+            color=_readable(colours(norm(value))) if np.isfinite(value) else "white",
+        )  # fmt: skip
     panel.grid(False)
     panel.set_xticks(range(len(columns)), columns, fontsize=12)
     panel.set_yticks(range(len(rows)), rows, fontsize=12)
+
+
+def _readable(background: Sequence[float]) -> str:
+    """Black or white, whichever differs more in luminance from a colour (red, green, blue, …)."""
+    luminance = float(np.dot(background[:3], (0.299, 0.587, 0.114)))  # ITU-R BT.601
+    return BLACK if luminance > 0.5 else "white"
 
 
 def _box(panel: Axes, row: int, column: int, **style: Any) -> None:
