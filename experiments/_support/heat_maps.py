@@ -34,7 +34,7 @@ def bounds(folder: Path, sweep: xr.Dataset) -> None:
         rows = _seconds(own.horizon)
         plots.heat_map(panel, percent, rows, columns, "{:.1f}", highest=100.0, ends=(0.0, 100.0))
         plots.label(panel, "", "duration (s)", f"{SYMBOLS[name]}, motion designed for it")
-    title = "$J_f$ in % of the prior half-width (red: the prior interval is not reduced)"
+    title = "$J_f$ in % of the prior half-width (orange-red: the prior interval is not reduced)"
     canvas.suptitle(title, fontsize=12)
     panels[-1].set_xlabel("bandwidth w of the filter (rad/s)", fontsize=12)
     plots.save(canvas, folder / "sweep_bound.png")
@@ -71,7 +71,7 @@ def tracking(folder: Path, sweep: xr.Dataset) -> None:
     largest = np.maximum(sweep.highest_input, -sweep.lowest_input).max(motions)
     percent = 100 / limit * largest.transpose("gains", "scenario").values
     plots.heat_map(below, percent, rows, columns, "{:.0f}", highest=100.0)
-    title = f"Largest input in % of its limit of {limit:g} V (red: limit exceeded)"
+    title = f"Largest input in % of its limit of {limit:g} V (orange-red: limit exceeded)"
     plots.label(below, "", "gains of ARC", title)
     below.set_xticklabels(columns, rotation=35, ha="right")
     plots.save(canvas, folder / "sweep_tracking.png")

@@ -142,7 +142,7 @@ def draw(path: Path, logs: Mapping[str, jd.Log], proved: Mapping[str, Estimate])
     limits, labels = task().limits, {
         ALL: "motion for all", ERROR: "motion for J", COOL: "motion for J and low heat",
     }  # fmt: skip
-    for (name, log), colour in zip(logs.items(), plots.CYCLE, strict=False):
+    for log, colour in zip(logs.values(), plots.CYCLE, strict=False):
         time = np.arange(log.position.size) * SERVO.period
         left.plot(time, log.position, color=colour, linewidth=1.8)
         middle.plot(time[:-1], log.input, color=colour, linewidth=1.2)

@@ -135,7 +135,7 @@ def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
 
 
 def draw(path: Path, rows: list[dict[str, str]]) -> None:
-    """Draw the rows of sensors.csv: over resolutions at the motor's period above, over periods at its resolution below."""
+    """Draw the rows of sensors.csv, over encoder resolutions above and over periods below."""
     canvas, panels = plots.figure(2, len(STUDIED), (11.0, 7.0))
     sides = (
         ("resolution_m", "period_s", motor.CONTROL_PERIOD,

@@ -111,7 +111,7 @@ def bounds_page(found: xr.Dataset) -> bytes:
         values = table.transpose("motion", "bandwidth").values
         plots.heat_map(panel, values, rows, names(found.bandwidth), "{:.1f}", highest=100.0)
         plots.label(panel, "", "", f"worst $J_f$ of {name}, % of half its prior interval")
-    canvas.suptitle("motion by bandwidth; red: the interval is not reduced", fontsize=12)
+    canvas.suptitle("motion by bandwidth; orange-red: the interval is not reduced", fontsize=12)
     panels[-1].set_xlabel("bandwidth w of the filter (rad/s)", fontsize=12)
     return plots.png(canvas)
 

@@ -214,7 +214,7 @@ def heat_map(
 ) -> None:
     """Draw a table as numbers on colours, from the smallest value (dark) to the largest.
 
-    NaN cells (not computed) are hatched, infinite ones black, those above `highest` red.
+    NaN cells (not computed) are hatched, infinite ones black, those above `highest` orange-red.
 
     Args:
         panel: axes to draw on.
