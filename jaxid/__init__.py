@@ -4,7 +4,9 @@ An axis obeys u = φ(y, ẏ, ÿ)ᵀθ + Δ: known regressors φ, unknown paramet
 disturbance |Δ| ≤ δ. jaxid plans the motion whose data bound θ best in the worst case, within the
 limits of the axis, and turns a recorded log into intervals that contain θ.
 
-Switch on double precision first: `jaxid.configure()`, or JAX's option `jax_enable_x64`.
+Switch on double precision first: `jaxid.configure()`, or JAX's option `jax_enable_x64`. Equation
+numbers such as (16) are those of L. Lu and B. Yao, "Experimental Design for Identification of
+Nonlinear Systems with Bounded Uncertainties", American Control Conference, 2010.
 
 Describe an axis
     System, Term; the regressors Viscous, Coulomb, Sign, Constant, Spring, Sine, OneWay, Custom, or

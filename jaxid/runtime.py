@@ -25,9 +25,10 @@ _MOST_COMPILED = 2_000_000_000  # bytes
 def configure() -> None:
     """Switch on double precision, faster loops, and a cache of compiled code.
 
-    Call it at the top of a program, before anything is computed, and after the process has been
-    bound to some of the processors, if it is. Small loops are compiled to single kernels where the
-    installed jaxlib is known to have the option; `XLA_FLAGS` that already name it are left alone.
+    Call it at the top of a program, before anything is computed. If the program binds itself to
+    some of the processors (CPU affinity), it does so before. Small loops are compiled to single
+    kernels where the installed jaxlib is known to have the option; `XLA_FLAGS` that already name it
+    are left alone.
     Compiled code is kept for later runs, see `compilation_folder`.
     """
     jax.config.update("jax_enable_x64", True)

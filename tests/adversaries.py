@@ -18,4 +18,4 @@ def square_wave(ticks, half_period):
 
 def exact_rows(system, record):
     """A record without errors of a sensor, for what takes the rows of a log."""
-    return RegressionRows(system, record, {})
+    return RegressionRows(system, record, record.rows.delta, {})

@@ -425,8 +425,8 @@ OF_ROWS_OF_A_LOG = (
     Mutation(
         "jitter of the input of a row left out",
         ROWS,
-        "delta + log.misheld()",
-        "delta",
+        "widened + log.input_error()",
+        "widened",
         NOT_HELD,
     ),
     Mutation(
@@ -456,6 +456,13 @@ OF_ROWS_OF_A_LOG = (
         "jnp.abs(jnp.stack(spread)) @ self.bound",
         "jnp.abs(jnp.stack(spread)) @ self.bound / 2",
         ANY_WEIGHTS,
+    ),
+    Mutation(
+        "ranges counted as disturbance, so that more of it is told than was there",
+        ROWS,
+        "jnp.abs(weights) @ logged.delta",
+        "disturbed",
+        ("tests/test_identify.py::test_the_disturbance_that_is_told_was_there",),
     ),
     Mutation(
         "disturbance of an upper end halved",
@@ -1083,14 +1090,14 @@ OF_RANGES = (
     Mutation(
         "the slope over position of a user's own regressor halved",
         REGRESSORS,
-        "self.slopes[0] * position.half_width",
-        "self.slopes[0] / 2 * position.half_width",
+        "slopes[0] * position.half_width",
+        "slopes[0] / 2 * position.half_width",
         OWN,
     ),
     Mutation(
         "the slope over velocity of a user's own regressor left out",
         REGRESSORS,
-        " + self.slopes[1] * velocity.half_width",
+        " + slopes[1] * velocity.half_width",
         "",
         OWN,
     ),

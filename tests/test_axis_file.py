@@ -89,7 +89,7 @@ direction = "backward"
     found = read(("[disturbance]", terms + "[disturbance]")).system
     y, v = jnp.array([0.3, 0.02]), jnp.array([0.7, -0.4])
     expected = [y - 0.1, jnp.sin(4 * np.pi * y / 0.06 + 0.5), [1.0, 0.0], [0.0, -0.4]]
-    for force, values in zip(found.forces(y, v)[-4:], expected, strict=True):
+    for force, values in zip(found.regressor_values(y, v)[-4:], expected, strict=True):
         np.testing.assert_allclose(force, values, rtol=1e-12)
     kinds = [type(term.regressor) for term in found.terms[-3:]]
     assert kinds == [Sine, OneWay, OneWay]

@@ -145,8 +145,12 @@ def test_a_contradiction_of_the_second_reading_is_one_too(tmp_path, log, monkeyp
     with pytest.raises(SystemExit) as stopped:
         cli.main(["identify", *written(tmp_path, rows_of(log)[:600])])
     assert stopped.value.code == 3
-    assert "Inconsistent log: no M in its prior" in capsys.readouterr().out
-    assert not json.loads((tmp_path / "out" / "result.json").read_text())["consistent"]
+    said = capsys.readouterr().out
+    assert "Inconsistent log: No parameter vector of the prior box explains the data" in said
+    assert "Check, in this order: sign and unit of the input" in said  # no δ was enough
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert not found["consistent"]
+    assert found["disturbance_factor"] > 100
 
 
 def test_a_record_that_cannot_tell_two_parameters_apart_says_so(tmp_path, capsys):

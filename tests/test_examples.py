@@ -127,7 +127,7 @@ def test_the_true_disturbances_are_within_delta(position, velocity):
         delta = plant.system.disturbance_bound(y, v)
         assert jnp.abs(plant.disturbance(moment, y, v, delta)) <= delta
     # what is cogging to the one model is Δ to the other
-    forces = plant.system.forces(y, v)[cart.SHARED - 1 :]
+    forces = plant.system.regressor_values(y, v)[cart.SHARED - 1 :]
     cogging = sum(f * t for f, t in zip(forces, cart.TRUE_PARAMETERS[cart.SHARED :], strict=True))
     total = cogging + plant.disturbance(moment, y, v, delta)
     assert jnp.abs(total) <= cart.in_delta().disturbance_bound(y, v)

@@ -6,13 +6,14 @@ import pytest
 
 import jaxid as jd
 from experiments.axes import linear_motor as motor
+from jaxid.identification import identify as door
 from jaxid.identification import modulating_functions
 from jaxid.identification.batches import BatchSizes, batches, most_informative, samples_per_weight
-from jaxid.identification.falsification import MOST
+from jaxid.identification.falsification import LEAST, MOST
 from jaxid.identification.identify import identify
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
-from jaxid.loop.disturbances import NoDisturbance
+from jaxid.loop.disturbances import NoDisturbance, Sequence
 from jaxid.loop.log import InconsistentLogError, Log, filled
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.motion.trajectory import uniform
@@ -86,6 +87,18 @@ def test_data_that_contradict_the_bound_are_refused(factor):
     assert refused.value.factor > 1
 
 
+@pytest.mark.parametrize("scale", [0.55, 0.3, 0.05])
+def test_a_refusal_by_the_narrowed_box_has_a_number(monkeypatch, scale):
+    """It finds what the test of δ is here made to miss, and the number is still proved."""
+    log = random_slide_log(0, 0.6, substeps=20)
+    system = slide().with_scaled_disturbance(scale)
+    monkeypatch.setattr(door, "smallest_disturbance_factor", lambda *arguments: LEAST)
+    with pytest.raises(InconsistentLogError, match="unless the disturbance bound is") as refused:
+        identify(system, log)
+    assert "logged" not in str(refused.value)
+    assert 0.9 * 0.6 < refused.value.factor * scale <= 0.6
+
+
 def test_logs_are_processed_as_many_together_as_are_a_batch(parts):
     assert [len(part) for part in batches(parts, SMALL)] == [2, 2]
     assert [log for part in batches(parts, SMALL) for log in part] == parts
@@ -111,13 +124,13 @@ def test_padding_is_cut_off_where_a_log_is(parts):
     few = SMALL._replace(samples=400)
     for size in (800, 1024, 3000):
         found, expected = (batches([x], few) for x in (filled(log, size), log))
-        assert [int(x.took_place().sum()) for (x,) in found] == [374, 375]
+        assert [int(x.counted.sum()) for (x,) in found] == [374, 375]
         for (part,), (own,) in zip(found, expected, strict=True):
-            assert bool(jnp.all(part.took_place()))
+            assert bool(jnp.all(part.counted))
             np.testing.assert_array_equal(part.position, own.position)
             np.testing.assert_array_equal(part.outer, own.outer)
     padded = filled(log, 1000).part(700, 900)
-    assert (padded.input.size, int(padded.took_place().sum())) == (200, 49)
+    assert (padded.input.size, int(padded.counted.sum())) == (200, 49)
 
 
 def test_batches_prove_what_the_whole_does(parts):
@@ -251,13 +264,23 @@ def test_no_logs_and_single_precision_are_refused(parts):
         identify(motor.system(), single)
 
 
-def random_slide_log(seed):
-    """600 ticks of random jerks, undisturbed, with a closed loop."""
+def random_slide_log(seed, share=0.0, substeps=1):
+    """600 ticks of random jerks with a closed loop, disturbed by ±share·δ, which changes often."""
     jerk = np.random.default_rng(seed).choice([-200.0, 200.0], 30)
     motion = uniform(jnp.array([0.1, 0.0, 0.0]), jnp.asarray(jerk), 0.02)
     controller = jd.PDFeedforward(slide(), slide().centre, kp=5000.0, kd=300.0)
-    plant = jd.Plant(slide(), (7.0, 20.0, 15.0), NoDisturbance())
-    return run(plant, controller, jd.Servo(0.001, 1e-6), motion).log
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], 60).repeat(10)
+    plant = jd.Plant(slide(), (7.0, 20.0, 15.0), Sequence(share * jnp.asarray(signs)))
+    return run(plant, controller, jd.Servo(0.001, 1e-6), motion, substeps=substeps).log
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_the_disturbance_that_is_told_was_there(share):
+    """What the test of δ proves, and what the narrowed box proves, is in no log too much."""
+    for seed in range(4):
+        log = random_slide_log(seed, share, substeps=20)
+        found = identify(slide(), log)
+        assert found.disturbance_factor <= max(share * (1 + 1e-9), LEAST)
 
 
 def scaled(log, factor):

@@ -296,3 +296,34 @@ def test_what_would_turn_a_range_around_is_refused(wrong):
         Sine(0.0, wrong)
     with pytest.raises(ValueError, match="`slopes` of a Custom regressor must be at least zero"):
         Custom(jnp.multiply, (1.0, min(wrong, -wrong)) if wrong else (-1.0, 0.0))
+
+
+@pytest.mark.parametrize("wrong", [(1.0,), (1.0, 2.0, 3.0), 1.0])
+def test_slopes_and_bounds_are_pairs(wrong):
+    for name in ("slopes", "bounds"):
+        with pytest.raises(ValueError, match=f"`{name}` of a Custom regressor must"):
+            Custom(jnp.multiply, **{name: wrong})
+    with pytest.raises(ValueError, match="`bounds` of a Custom regressor must be its smallest"):
+        Custom(jnp.multiply, bounds=(1.0, -1.0))
+
+
+def steep(position, velocity):
+    return jnp.tanh(velocity / 0.02) * jnp.cos(position / 0.1)
+
+
+@given(pairs, pairs)
+def test_a_steep_function_has_a_range_that_is_proved_and_narrow(position, velocity):
+    """By its slopes in 8 × 8 cells, and by its bounds where it is saturated."""
+    y, v = as_range(position), as_range(velocity)
+    own = Custom(steep, slopes=(10.0, 50.0))
+    found, bounded = own.range(y, v), Custom(steep, (10.0, 50.0), bounds=(-1.0, 1.0)).range(y, v)
+    grid = np.meshgrid(samples(y, 17), samples(v, 17))  # the midpoints of the cells among them
+    values = steep(*(jnp.asarray(x.ravel()) for x in grid))
+    for one in (found, bounded):
+        assert float(one.lower) <= float(jnp.min(values)) + 1e-12
+        assert float(one.upper) >= float(jnp.max(values)) - 1e-12
+    assert float(bounded.lower) >= -1.0
+    assert float(bounded.upper) <= 1.0
+    reach = 10.0 * y.half_width + 50.0 * v.half_width
+    spread = float(jnp.max(values) - jnp.min(values))
+    assert float(found.upper - found.lower) <= spread + 2 * float(reach) / 8 + 1e-9

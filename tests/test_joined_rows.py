@@ -145,9 +145,7 @@ def test_logs_of_two_motors_contradict_each_other(figures, logs):
     pair = [rows(hats, log) for log in (logs[0], other[0])]
     for single in pair:
         feasible_set(single, knots=KNOTS)
-    with pytest.raises(
-        ValueError, match="no parameter vector of the prior box explains these data"
-    ):
+    with pytest.raises(ValueError, match="No parameter vector of the prior box explains the data"):
         feasible_set(join_rows(pair), knots=KNOTS)
 
 

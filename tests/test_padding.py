@@ -160,12 +160,12 @@ def test_what_its_log_proves_is_the_same(alone, among_longer, quick_compilation)
     """State bounds, intervals and the feasible set, of the log filled up in two ways."""
     servo = Servo(H, 1e-6)
     log, longer = (servo.log(signals) for _, signals in (alone, among_longer))
-    assert bool(jnp.all(log.took_place()))
+    assert bool(jnp.all(log.counted))
     n, own = log.input.size, state_bounds(SYSTEM, log)
     one = guaranteed_intervals(SYSTEM, [log], knots=20)
     left = feasible_set(one.rows, [one.estimate], knots=20)
     for other in (longer, filled(log, MOST * 2)):
-        assert int(jnp.sum(other.took_place())) == n
+        assert int(jnp.sum(other.counted)) == n
         found = state_bounds(SYSTEM, other)
         assert other.input.size == 2 * MOST
         close(jax.tree.map(lambda x: x[:n], found[:3]), own[:3])
@@ -250,7 +250,7 @@ def test_a_nominal_log_is_the_same(controller, quick_compilation):
         close((own.input, own.position), (log.input, log.position))
         wide, states = model(motion)
         assert wide.input.size == states.position.size == MOST
-        assert int(jnp.sum(wide.took_place())) == TICKS
+        assert int(jnp.sum(wide.counted)) == TICKS
         close((wide.input[:TICKS], wide.position[: TICKS + 1]), (log.input, log.position))
 
 

@@ -117,7 +117,8 @@ def any_rows(seed):
         for length in (2, 3)
     }
     record = Record(rows, jnp.zeros(N), None)
-    return RegressionRows(SYSTEM, record, channels), *random.normal(size=(2, 4, N)), random
+    alone = jnp.asarray(random.uniform(0.0, 0.1, N))
+    return RegressionRows(SYSTEM, record, alone, channels), *random.normal(size=(2, 4, N)), random
 
 
 def disturbed(logged, weights, signs, theta, size=1.0):
@@ -151,7 +152,7 @@ def test_the_bound_of_any_weights_is_reached_by_the_worst_of_everything(seed):
 def test_the_upper_end_of_any_weights_is_reached_by_the_worst_of_everything(seed):
     """For small weights, whose ends are not those of the box; and what δ has in it."""
     logged, weights, _, random = any_rows(seed)
-    phi, delta = np.asarray(logged.record.rows.regressors), np.asarray(logged.record.rows.delta)
+    phi = np.asarray(logged.record.rows.regressors)
     centre, half = np.asarray(SYSTEM.centre), np.asarray(SYSTEM.half_widths)
     for g in 0.01 * weights:
         c = phi.T @ g + 0.01 * random.normal(size=4)
@@ -163,4 +164,4 @@ def test_the_upper_end_of_any_weights_is_reached_by_the_worst_of_everything(seed
         beyond, size = float(end[0]) - float(c @ theta), float(np.abs(c) @ half)
         assert -1e-15 <= beyond <= 1e-7 * size
         assert float(end[0]) <= c @ centre + size + 1e-15
-        assert float(of_delta[0]) == pytest.approx(np.abs(g) @ delta)
+        assert float(of_delta[0]) == pytest.approx(np.abs(g) @ np.asarray(logged.delta))

@@ -177,7 +177,7 @@ def test_inputs_that_begin_too_early_or_too_late_are_counted(signs):
     assert np.all(low <= acting.min(axis=1))
     assert np.all(acting.max(axis=1) <= high)
     missed = np.abs(acting.mean(axis=1) - u)
-    most = np.asarray(log.misheld())
+    most = np.asarray(log.input_error())
     assert np.all(missed <= most + 1e-12)
     ends = np.abs(np.diff([outer[0], *u, outer[1]]))
     np.testing.assert_allclose(most, 0.1 * (ends[:-1] + ends[1:]))

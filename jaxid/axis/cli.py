@@ -61,12 +61,12 @@ Seconds = Annotated[
 def guide(page: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PAGE")] = "") -> None:
     """Print a page of the guide; without a page, the list of pages.
 
-    Example: jaxid guide tutorial
+    Example: jaxid guide tutorial. The log of the tutorial: jaxid guide jog.csv > jog.csv
 
     Args:
         page: name of the page.
     """
-    print(guide_page(page))
+    print(guide_page(page), end="")
 
 
 def init(axis: AxisFile, coordinate: Coordinate = "linear", force: bool = False) -> None:
@@ -282,6 +282,13 @@ def main(arguments: list[str] | None = None) -> None:
             args=arguments,
             config=(tyro.conf.FlagCreatePairsOff,),
         )
+    except FileNotFoundError as error:
+        place = Path.cwd() if error.filename is None else Path(error.filename).absolute().parent
+        print(
+            f"jaxid: there is no file {Path(error.filename or '?').name} in {place}.",
+            file=sys.stderr,
+        )
+        raise SystemExit(1) from None
     except (ValueError, OSError) as error:
         print(f"jaxid: {in_words_of_files(str(error))}", file=sys.stderr)
         raise SystemExit(1) from None

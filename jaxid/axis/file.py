@@ -95,7 +95,7 @@ class Axis(NamedTuple):
         return axis
 
 
-def read_axis(path: Path, *, run_python: bool = False) -> Axis:
+def read_axis(path: Path | str, *, run_python: bool = False) -> Axis:
     """Return the axis that a TOML file describes.
 
     Args:
@@ -105,6 +105,7 @@ def read_axis(path: Path, *, run_python: bool = False) -> Axis:
     Raises:
         ValueError: if the file is invalid; the message names the file and the entry.
     """
+    path = Path(path)
     data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
     try:
         tables = msgspec.toml.decode(data, type=AxisTables)

@@ -8,16 +8,19 @@ _FIRST = "index"
 
 
 def guide_page(name: str = "") -> str:
-    """Return the text of a page of the guide, in Markdown.
+    """Return the text of a page of the guide in Markdown, or of a file of the guide.
 
     Args:
-        name: name of the page; default the list of pages.
+        name: name of the page, or of a file such as jog.csv; default the list of pages.
 
     Raises:
         ValueError: if there is no such page.
     """
-    folder = resources.files("jaxid") / "guide"
-    names = sorted(file.name[:-3] for file in folder.iterdir() if file.name.endswith(".md"))
-    page = name or _FIRST
-    require(page in names, f"The guide has no page {page!r}; its pages are {', '.join(names)}.")
-    return (folder / f"{page}.md").read_text(encoding="utf-8")
+    files = {
+        file.name.removesuffix(".md"): file
+        for file in (resources.files("jaxid") / "guide").iterdir()
+        if file.is_file()
+    }
+    page, names = name or _FIRST, ", ".join(sorted(files))
+    require(page in files, f"The guide has no page {page!r}; its pages are {names}.")
+    return files[page].read_text(encoding="utf-8")

@@ -30,7 +30,15 @@ from jaxid.motion.limits import Limits
 
 _SHOWN = 10  # segments that are listed
 _ROOM = 1.1  # of a factor of δ that is proved to be needed: with it, state bounds are not empty
+_NEAR = 0.7  # a needed share of δ above which the text asks for a check of δ
+_SLIGHT, _LARGE = 3.0, 50.0  # needed factors of δ that have different likely causes
 _ABSURD = 20.0  # half-widths of a limit: beyond it, a unit must be wrong
+
+
+_NEAR_DELTA = (
+    "This log needs most of δ. If δ is only a little too small, or the delay is wrong, these "
+    "intervals may exclude the true parameters: check both (jaxid guide delta)."
+)
 
 
 class Identified(NamedTuple):
@@ -235,6 +243,7 @@ def _of_result(found: Identified, result: Identification) -> list[str]:
     return [
         *((long,) if result.batches > 1 else ()),
         _intervals(found.axis.system, result),
+        *([_NEAR_DELTA] if result.disturbance_factor > _NEAR else []),
         *(
             _not_identifiable(found.axis.system, name, combination)
             for name, combination in result.unidentifiable.items()
@@ -243,10 +252,19 @@ def _of_result(found: Identified, result: Identification) -> list[str]:
 
 
 def _inconsistency(error: InconsistentLogError) -> str:
+    factor = error.factor or 1.0
+    if factor <= _SLIGHT:
+        causes = "δ, a missing term of the model, the prior intervals, `input.delay`"
+    elif factor <= _LARGE:
+        causes = "`input.delay`, `servo.resolution`, a saturated input, the prior intervals, units"
+    else:
+        causes = (
+            "sign and unit of the input, sign and unit of the position, `servo.period`, swapped "
+            "columns"
+        )
     return (
         f"Inconsistent log: {in_words_of_files(str(error))} No intervals are reported. Check, in "
-        "this order: sign and unit of the input, sign and unit of the position, `input.delay`, "
-        "`servo.period`, the prior intervals, δ (jaxid guide inconsistent)."
+        f"this order: {causes} (jaxid guide inconsistent)."
     )
 
 
@@ -303,11 +321,13 @@ def page(found: Identified) -> bytes:
         return plots.png(canvas)
     _draw_residuals(panels, one)
     most = float(np.max(np.abs(one.ratio)))
-    canvas.suptitle(
+    title = (
         "Residual of the best parameters in the prior box (means over "
-        f"{2 * one.half_width} samples): up to {most:.2g} times its bound",
-        fontsize=12,
+        f"{2 * one.half_width} samples): up to {most:.2g} times its bound"
     )
+    if found.result is None and most <= 1.0:
+        title += "\nThe log is inconsistent all the same: the test combines samples of all times"
+    canvas.suptitle(title, fontsize=12)
     return plots.png(canvas)
 
 

@@ -17,6 +17,7 @@ from jaxid.axis.file import Axis
 from jaxid.identification.batches import knots_by_length
 from jaxid.identification.falsification import MOST, smallest_disturbance_factor
 from jaxid.identification.least_squares import fit_least_squares
+from jaxid.identification.state_bounds import UnboundedVelocityError
 from jaxid.io.log_file import Recorded
 from jaxid.io.plots import text_table
 from jaxid.io.segments import steady_segments
@@ -110,7 +111,15 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
             "be wrong.",
         )
     known = system.with_box(jnp.asarray(lower), jnp.asarray(upper))
-    delta = MARGIN * _smallest(known, logs, found.residual)
+    try:
+        delta = MARGIN * _smallest(known, logs, found.residual)
+    except UnboundedVelocityError:  # by the error of the encoder, which makes the intervals wide
+        raise ValueError(
+            "Argument `recorded`: the encoder is too coarse for a fit of this log. It gives "
+            f"{system.names[0]} = {found.theta[0]:.3g} ± {half[0]:.2g} {system.units[0]}, from "
+            "which no δ follows. Log a faster motion, or take prior intervals and δ from the data "
+            "sheet: `jaxid identify` needs no fit."
+        ) from None
     return Proposal(axis, found.theta, lower, upper, delta)
 
 

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxid._checks import require
 from jaxid._types import Scalar, as_array
 from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.record import Record, rows_of
@@ -33,7 +34,7 @@ RecordCriterion = Callable[[Record, Scalar], Scalar]
 
 
 class Criterion(eqx.Module):
-    """Base class of criteria that depend on more than one function of the motion.
+    """Base class of criteria that depend on the task, or are built near a given motion.
 
     A criterion that is a function of trajectory and smoothing parameter needs no class.
     """
@@ -51,7 +52,9 @@ class Criterion(eqx.Module):
         """
 
     def coarse(self, task: Task, motion: JerkTrajectory) -> Objective:
-        """Return a cheaper objective for the search from random motions; default that of `near`.
+        """Return a cheaper objective for the search from random motions.
+
+        By default it is that of `near(task, motion)`, which may be slow.
 
         Args:
             task: limits, boundary and duration of the motion.
@@ -61,7 +64,7 @@ class Criterion(eqx.Module):
 
 
 class LeastSquaresError(Criterion):
-    """The criterion J of (16): the worst-case error of least squares on the desired motion.
+    """The criterion log J: the worst-case least-squares error of a motion (Lu and Yao 2010, (16)).
 
     Attributes:
         system: axis with its prior box, regressors and disturbance bound δ.
@@ -73,6 +76,14 @@ class LeastSquaresError(Criterion):
 
     system: System
     target: str | Norm
+
+    def __check_init__(self) -> None:
+        if isinstance(self.target, str):
+            require(
+                self.target in self.system.names,
+                f"Argument `target` must be one of {', '.join(self.system.names)}, but is "
+                f"{self.target!r}.",
+            )
 
     def near(self, task: Task, motion: JerkTrajectory) -> "PlannedError":
         """Return log J as a function of the motion, with 64 nodes per interval.

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import require, require_concrete, require_float64
@@ -9,9 +10,12 @@ from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
+from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.lower_bound import LowerBound
+
+_ROUNDED = 1e-6  # half-widths: far above the rounding errors of a motion that is read from a file
 
 
 class ParameterEvaluation(NamedTuple):
@@ -72,17 +76,23 @@ def evaluate(
         system: axis with its prior box and disturbance bound δ.
         trajectory: motion to evaluate.
         servo: servo that runs the motion and records its log.
-        least: `lower_bound` of the system under its limits, for every parameter.
+        least: result of `lower_bound(system, limits)`: it has one number per parameter, and the
+            limits, within which the motion must be.
 
     Raises:
-        ValueError: if `least` does not have one number per parameter, or the motion does not last a
-            whole number of sample periods, two at least.
+        ValueError: if `least` does not have one number per parameter, the motion exceeds its
+            limits, or it does not last a whole number of sample periods, two at least.
 
     Example:
         >>> worth = jd.evaluate(slide, motion, servo, least)
         >>> (100 * worth.gap).round().tolist()  # %, above the lower bound
         [35.0, 58.0, 10.0]
     """
+    require(
+        isinstance(least, LowerBound),
+        "Argument `least` must be the result of jaxid.lower_bound(system, limits), but is a "
+        f"{type(least).__name__}.",
+    )
     require_float64(system=system, trajectory=trajectory, servo=servo, least=least)
     require_concrete(
         "the evaluation, which solves linear programs,",
@@ -98,6 +108,22 @@ def evaluate(
         f"Argument `least` must be the lower bound of each of the parameters {', '.join(names)}, "
         f"one number each, but has {least.value.size}.",
     )
+    _require_within(trajectory, least.limits)
     found = guaranteed_intervals(system, [nominal_log(system, trajectory, servo)]).estimate
     error = planned_error(system, trajectory)
     return Evaluation(error, found.half_widths, least.value, least.estimated)
+
+
+def _require_within(trajectory: JerkTrajectory, limits: Limits) -> None:
+    """Refuse a motion to which a lower bound does not apply."""
+    extrema = trajectory.extrema()
+    for name in ("position", "velocity", "acceleration"):
+        low, high = np.asarray(getattr(limits, name)).tolist()
+        least, most = np.asarray(getattr(extrema, name)).tolist()
+        room = _ROUNDED * (high - low) / 2
+        require(
+            low - room <= least and most <= high + room,
+            f"Argument `trajectory` has values of the {name} from {least:g} to {most:g}, outside "
+            f"the limits [{low:g}, {high:g}] that the lower bound `least` assumes: it does not "
+            "apply to this motion.",
+        )

@@ -2,13 +2,15 @@
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import PRNGKeyArray
 
-from jaxid._checks import require, require_concrete, require_float64
+from jaxid._checks import require, require_concrete, require_float64, require_positive
 from jaxid._types import Scalar
-from jaxid.design.criteria import Criterion
+from jaxid.design.criteria import Criterion, LeastSquaresError
 from jaxid.design.predicted_error import PredictedError
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
@@ -19,6 +21,7 @@ from jaxid.search.problem import Design, Objective, Problem, Report, Show
 from jaxid.search.restoration import interior_motion, restored
 from jaxid.search.slp import refined
 
+_NEVER = 1e300  # a search counts a criterion that is not a number as the largest float
 _MET = 1e-9  # half-widths: far above rounding errors, and negligible for the axis
 
 
@@ -47,11 +50,15 @@ def optimal_motion(
             differentiate, of order one: take the log of a positive quantity.
         start: JAX random key for a search; or a motion as long as the task's, which is restored to
             the limits where it exceeds them, and never made worse.
-        shorter: good motion with fewer intervals, of which some starts are longer copies; it is
-            used by a search for other criteria than a `PredictedError` only.
+        shorter: good motion with fewer intervals, which some starts extend; a search for a
+            `PredictedError` does not use it.
         effort: numbers of starts, steps and rounds of the search.
         report: function that is called with the name of each step as it begins.
         show: function that is called with the best admissible motions during the search.
+
+    Returns:
+        `Design(trajectory, value, history)`: the motion, the value of the criterion (a log, for the
+        criteria of jaxid), and the values along the search.
 
     Raises:
         InfeasibleError: if a linear program proves that no motion of this duration keeps the
@@ -64,6 +71,7 @@ def optimal_motion(
         >>> round(float(jnp.exp(better.value)), 2)  # kg; it was 1.25
         1.12
     """
+    _require_sizes(task, effort)
     require_float64(criterion=criterion, limits=task.limits, boundary=task.boundary)
     require_concrete(
         "a search",
@@ -75,11 +83,29 @@ def optimal_motion(
     )
     deep = interior_motion(Problem.of(task, _nothing), task.intervals, task.period)
     search = _Search(task, criterion, deep, effort, report, show)
+    if not isinstance(criterion, LeastSquaresError | PredictedError):
+        search.require_scalar()
     if isinstance(start, JerkTrajectory):
-        return search.from_motion(_matching(task, start))
-    if isinstance(criterion, PredictedError):
-        return search.predicted_from_key(criterion, start)
-    return search.from_key(start, shorter)
+        found = search.from_motion(_matching(task, start))
+    elif isinstance(criterion, PredictedError):
+        found = search.predicted_from_key(criterion, start)
+    else:
+        found = search.from_key(start, shorter)
+    require(
+        found.value < _NEVER,
+        "Argument `criterion` is not finite for any motion that the search has found.",
+    )
+    return found
+
+
+def _require_sizes(task: Task, effort: Effort) -> None:
+    counts = {"intervals": task.intervals, "starts": effort.starts, "finalists": effort.finalists}
+    for name, count in counts.items():
+        require(
+            isinstance(count, int | np.integer) and count >= 1,
+            f"Argument `{name}` must be a whole number, 1 or more, but is {count!r}.",
+        )
+    require_positive("period", "a task", task.period)
 
 
 class _Search(NamedTuple):
@@ -91,6 +117,15 @@ class _Search(NamedTuple):
     effort: Effort
     report: Report
     show: Show
+
+    def require_scalar(self) -> None:
+        """Refuse a criterion that does not return one number."""
+        shape = eqx.filter_eval_shape(self.near(self.deep), self.deep, jnp.zeros(())).shape
+        require(
+            shape == (),
+            "Argument `criterion` must return one number for each motion, but returns an array of "
+            f"shape {shape}.",
+        )
 
     def from_key(self, key: PRNGKeyArray, shorter: JerkTrajectory | None) -> Design:
         """Return the best motion that a search from many random starts finds."""

@@ -62,6 +62,9 @@ def smallest_disturbance_factor(
 ) -> float:
     """Return a proved lower bound on the factor of δ that logs need; above 1 they are inconsistent.
 
+    `jaxid.identify` may prove a larger one, its `disturbance_factor`, because it narrows the prior
+    box by the same logs.
+
     The result is `least` if nothing is proved, and `MOST` (1000) if not even 1000·δ explains the
     logs.
 

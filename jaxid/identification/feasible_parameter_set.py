@@ -56,12 +56,18 @@ def feasible_set(
         InconsistentLogError: if no θ of the prior box is consistent with the data, or the
             intersection with `others` is empty.
     """
+    require(
+        isinstance(logged, RegressionRows),
+        "Argument `logged` must be regression rows, such as "
+        "`jaxid.identification.joined_rows.rows_of_logs(system, logs)`, but is a "
+        f"{type(logged).__name__}.",
+    )
     system = logged.system
     program, misfit = program_of(logged, knots)
     needed = needed_factor(logged, program, misfit)
     require(
         needed <= 1.0,
-        "Argument `logged`: no parameter vector of the prior box explains these data with |Δ| ≤ δ.",
+        "No parameter vector of the prior box explains the data of `logged` with |Δ| ≤ δ.",
         InconsistentLogError,
     )
     axes = np.eye(len(system.names))

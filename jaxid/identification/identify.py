@@ -33,6 +33,8 @@ Directions = dict[str, Float[np.ndarray, " m"]]
 Report = Callable[[str], None]
 _UNCHANGED = 1e-6  # relative: an interval that shrinks by less counts as unchanged
 _FAR_FROM_ONE = 0.5  # a factor below this is not raised above 1 by more weights
+_STEP = 1.1  # first step beyond δ, when a δ is looked for that does not contradict the data
+_HALVINGS = 3  # of the interval between two steps
 
 
 class Identification(NamedTuple):
@@ -101,6 +103,11 @@ def identify(
         Traceback (most recent call last):
         jaxid.loop.log.InconsistentLogError: ...
     """
+    require(
+        isinstance(logs, Log | list | tuple),
+        f"Argument `logs` must be a jaxid.Log, or a list of them, but is a {type(logs).__name__}. "
+        "`jaxid.io.segments.steady_segments` makes logs of the rows that `jaxid.read_log` returns.",
+    )
     given = (logs,) if isinstance(logs, Log) else tuple(logs)
     _require_logs(given)
     require_float64(system=system, logs=given)
@@ -203,7 +210,7 @@ class _Progress:
                 self.factor,
             )
         if self.refusal is not None:
-            raise InconsistentLogError(self.refusal)
+            raise InconsistentLogError(self.refusal, 1.0)
         half_widths = self.system.half_widths
         narrower = self.known.upper - self.known.lower < (1 - _UNCHANGED) * 2 * half_widths
         wide = [name for name, less in zip(self.system.names, narrower, strict=True) if not less]
@@ -232,12 +239,17 @@ class _Progress:
             self.known = narrowed_to(self.known, left.lower, left.upper)
             # whatever explains the data with less than δ is in the box that δ leaves
             self.factor = max(self.factor, left.disturbance_factor)
-        except InconsistentLogError as error:  # more than the test of δ has found
-            self._refuse(str(error))
+        except InconsistentLogError:  # more than the test of δ has found
+            self._refuse(report)
 
-    def _refuse(self, sentence: str) -> None:
-        """Note an inconsistency, and test δ with several batches together if there are any."""
-        self.refusal = sentence
+    def _refuse(self, report: Report) -> None:
+        """Note an inconsistency, and find a δ that is needed: of several batches all together."""
+        report("smallest consistent disturbance bound")
+        self.refusal = (
+            "No parameter vector of the prior box explains the data, unless the disturbance bound "
+            "is larger than δ."
+        )
+        logs, knots = self.parts[-1], self.sizes.knots
         if len(self.parts) > 1:
             self.refusal = (
                 "No parameter vector of the prior box explains the first "
@@ -245,8 +257,32 @@ class _Progress:
                 "them."
             )
             logs = most_informative(self._with_room, self.parts, self.sizes, first=self.parts[-1])
-            weights = knots_by_length(self.sizes.knots_together, logs)
+            knots = self.sizes.knots_together
+            weights = knots_by_length(knots, logs)
             self.factor = smallest_disturbance_factor(self.system, logs, weights, self.factor)
+        if self.factor <= 1:
+            self.factor = self._refused_factor(logs, knots_by_length(knots, logs))
+
+    def _refused_factor(self, logs: Sequence[Log], weights: tuple[int, ...]) -> float:
+        """Return the largest of some multiples of δ, from 1 on, that have no feasible set."""
+
+        def refused(factor: float) -> bool:
+            try:
+                found = guaranteed_intervals(
+                    self.system.with_scaled_disturbance(factor), logs, weights
+                )
+                feasible_set(found.rows, [found.estimate], weights)
+            except InconsistentLogError:
+                return True
+            return False
+
+        low, high = 1.0, _STEP
+        while high < MOST and refused(high):
+            low, high = high, high**2
+        for _ in range(_HALVINGS):
+            middle = float(np.sqrt(low * high))
+            low, high = (middle, high) if refused(middle) else (low, middle)
+        return low
 
     @property
     def _with_room(self) -> System:

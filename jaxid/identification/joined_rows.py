@@ -64,9 +64,9 @@ def join_rows(parts: Sequence[RegressionRows]) -> RegressionRows:
     # their δ must not be zero: weights are sought in units of it
     rows = Rows(columns, all_of(lambda r: r.rows.delta, 1.0), all_of(lambda r: r.rows.measure, 0.0))
     channels = {name: _channel([part.channels[name] for part in parts]) for name in first.channels}
-    return RegressionRows(
-        first.system, Record(rows, all_of(lambda r: r.input, 0.0), None), channels
-    )
+    delta = _spaced([part.delta for part in parts], _BETWEEN, 0.0)
+    record = Record(rows, all_of(lambda r: r.input, 0.0), None)
+    return RegressionRows(first.system, record, delta, channels)
 
 
 def _spaced(parts: Sequence[Float[Array, "_"]], count: int, value: float) -> Float[Array, "_"]:

@@ -53,11 +53,13 @@ class RegressionRows(eqx.Module):
     Attributes:
         system: system whose prior box and δ the bounds assume.
         record: measured regressors, inputs, and δ widened by the ranges of unmeasured regressors.
+        delta: δ of each row alone, not widened, shape (n,), in the unit of the input.
         channels: errors of the encoder and of interpolation that several rows share, by name.
     """
 
     system: System
     record: Record
+    delta: Float[Array, " n"]
     channels: dict[str, Channel]
 
     def counted(self, weights: Float[Array, "k n"]) -> Float[Array, "k n"]:
@@ -84,7 +86,7 @@ def hats(system: System, log: Log, found: StateBounds) -> RegressionRows:
         found: bounds of the states during the log.
     """
     h, y = log.period, log.position
-    middles, doubt = _bracketed(system, log, found)
+    middles, delta, doubt = _bracketed(system, log, found)
     columns = _columns(system, y, (y[2:] - y[:-2]) / (2 * h), h, map(_mean, middles))
     rows = Rows(columns, _mean(doubt), _measure(log))
     most, size_of = _most(system), abs(found.acceleration).upper
@@ -97,7 +99,7 @@ def hats(system: System, log: Log, found: StateBounds) -> RegressionRows:
         channels[f"interpolated ẏ of {system.names[j]}"] = Channel(
             jnp.array([-1.0, 1.0]), most[j] * h / 12 * size_of
         )
-    return RegressionRows(system, Record(rows, _mean(log.input), None), channels)
+    return RegressionRows(system, Record(rows, _mean(log.input), None), _mean(delta), channels)
 
 
 @eqx.filter_jit
@@ -114,7 +116,7 @@ def boxes(system: System, log: Log, found: StateBounds) -> RegressionRows:
         found: bounds of the states during the log.
     """
     h, y = log.period, log.position
-    middles, doubt = _bracketed(system, log, found)
+    middles, delta, doubt = _bracketed(system, log, found)
     columns = _columns(system, y, jnp.diff(y)[1:] / h, h, (f[1:] for f in middles))
     rows = Rows(columns, doubt[1:], _measure(log))
     most, half, n = _most(system), found.reading, y.size
@@ -127,7 +129,7 @@ def boxes(system: System, log: Log, found: StateBounds) -> RegressionRows:
         channels[f"quantised ẏ of {system.names[j]}"] = _channel(
             (0.0, -1.0, 1.0), most[j] * half / h, n
         )
-    return RegressionRows(system, Record(rows, log.input[1:], None), channels)
+    return RegressionRows(system, Record(rows, log.input[1:], None), delta[1:], channels)
 
 
 @eqx.filter_jit
@@ -162,7 +164,7 @@ def _columns(
 
 def _measure(log: Log) -> Float[Array, " rows"]:
     """Return the measure of rows of two samples: zero unless both are part of the log."""
-    return jnp.where(log.took_place()[1:], log.period, 0.0)
+    return jnp.where(log.counted[1:], log.period, 0.0)
 
 
 def _mean(x: Float[Array, " n"]) -> Float[Array, " n-1"]:
@@ -170,17 +172,19 @@ def _mean(x: Float[Array, " n"]) -> Float[Array, " n-1"]:
     return (x[:-1] + x[1:]) / 2
 
 
-def _bracketed(system: System, log: Log, found: StateBounds) -> tuple[tuple[Motion, ...], Motion]:
-    """Return the midpoints of all regressors in each sample, and δ widened by ranges and jitter.
+def _bracketed(
+    system: System, log: Log, found: StateBounds
+) -> tuple[tuple[Motion, ...], Motion, Motion]:
+    """Return the midpoints of all regressors in each sample, δ, and δ widened by ranges and jitter.
 
     The ranges of ÿ and ẏ do not widen δ, because these are measured.
     """
-    ranges = system.force_ranges(found.position, found.velocity)
+    ranges = system.regressor_ranges(found.position, found.velocity)
     delta = system.disturbance_bound.range(found.position, found.velocity).upper
-    most, known = _most(system), _viscous(system)
+    most, known, widened = _most(system), _viscous(system), delta
     for j, x in enumerate(ranges, start=1):
-        delta = delta + (0.0 if j in known else most[j] * x.half_width)
-    return tuple(x.middle for x in ranges), delta + log.misheld()
+        widened = widened + (0.0 if j in known else most[j] * x.half_width)
+    return tuple(x.middle for x in ranges), delta, widened + log.input_error()
 
 
 def _viscous(system: System) -> list[int]:
@@ -215,7 +219,8 @@ def upper_ends(
         functionals: functionals C of θ, one per row.
 
     Returns:
-        The upper ends and their parts Σ|g|δ, both of shape (k,).
+        The upper ends and their parts Σ|g|δ, both of shape (k,). These parts do not include the
+        widths of ranges, which remain if the disturbance is smaller.
     """
     rows, system = logged.record.rows, logged.system
     taken = jnp.stack([weights @ column for column in rows.columns], axis=1)
@@ -226,4 +231,4 @@ def upper_ends(
     about = functionals @ system.centre
     # a functional of zero is not limited by the box
     least = jnp.where(box > 0, jnp.minimum(weights @ misfit + error, box), weights @ misfit + error)
-    return about + least, disturbed
+    return about + least, jnp.abs(weights) @ logged.delta

@@ -22,6 +22,10 @@ _WINDOW = 12  # samples: positions farther apart bound a velocity less than near
 _PASSES = 4  # iterations of velocity bounds from acceleration bounds and vice versa
 
 
+class UnboundedVelocityError(ValueError):
+    """The error for a sample period that is too long to bound a velocity with this prior box."""
+
+
 class StateBounds(NamedTuple):
     """The ranges of position, velocity and acceleration of the axis during each of n samples.
 
@@ -49,7 +53,8 @@ def state_bounds(system: System, log: Log) -> StateBounds:
 
     Raises:
         InconsistentLogError: if no plant of the system can have produced the log.
-        ValueError: if the sample period is too long to bound a velocity, or the log is not float64.
+        UnboundedVelocityError: if the sample period is too long to bound a velocity.
+        ValueError: if the log is not float64.
     """
     require_float64(log=log)
     found = _state_bounds(system, log)
@@ -59,8 +64,9 @@ def state_bounds(system: System, log: Log) -> StateBounds:
             f"Argument `log` has a sample period of {float(log.period):g} s, which is too long to "
             "bound a velocity with this prior box: the axis could accelerate without limit within "
             "it. A narrower prior box or a shorter period is needed.",
+            UnboundedVelocityError,
         )
-        room = jnp.where(log.took_place(), found.velocity.half_width, jnp.inf)
+        room = jnp.where(log.counted, found.velocity.half_width, jnp.inf)
         tick = int(jnp.argmin(room))
         require(
             float(room[tick]) >= 0,
@@ -73,7 +79,7 @@ def state_bounds(system: System, log: Log) -> StateBounds:
 
 @eqx.filter_jit
 def _state_bounds(system: System, log: Log) -> StateBounds:
-    h, known = log.period, log.took_place()
+    h, known = log.period, log.counted
     mean = jnp.diff(log.position) / h
     speed = _top_speed(system, log, mean)
     reading = log.reading_error(jnp.broadcast_to(speed, log.position.shape))
@@ -147,7 +153,7 @@ def accelerations(system: System, input: Range, position: Range, velocity: Range
         velocity: range of the velocity, m/s or rad/s.
     """
     inertia, *others = system.box
-    forces = system.force_ranges(position, velocity)
+    forces = system.regressor_ranges(position, velocity)
     delta = system.disturbance_bound.range(position, velocity).upper
     taken = sum(theta * force for theta, force in zip(others, forces, strict=True))
     return (input - (taken + around(delta))) / inertia

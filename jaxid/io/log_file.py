@@ -56,7 +56,7 @@ class Recorded(NamedTuple):
     input: Float[np.ndarray, " n"]
 
 
-def read_log(path: Path, columns: Columns) -> Recorded:
+def read_log(path: Path | str, columns: Columns) -> Recorded:
     """Return the rows of a log file, in SI units.
 
     Args:
@@ -69,6 +69,7 @@ def read_log(path: Path, columns: Columns) -> Recorded:
         ValueError: if the file is of another kind, cannot be read, lacks a column, or has columns
             of different length.
     """
+    path = Path(path)
     ending = path.suffix.lower()
     require(
         ending in _READERS,

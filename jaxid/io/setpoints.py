@@ -80,7 +80,7 @@ def margins(setpoints: Setpoints, limits: Limits) -> dict[str, float]:
     return {name: _left(x, getattr(limits, name)) for name, x in values.items()}
 
 
-def write_setpoints(path: Path, setpoints: Setpoints, coordinate: str = "linear") -> None:
+def write_setpoints(path: Path | str, setpoints: Setpoints, coordinate: str = "linear") -> None:
     """Write set-points to a file in the format of its ending.
 
     Args:
@@ -93,6 +93,7 @@ def write_setpoints(path: Path, setpoints: Setpoints, coordinate: str = "linear"
     Raises:
         ValueError: if the ending is another one.
     """
+    path = Path(path)
     write_bytes(path, setpoint_bytes(path, setpoints, coordinate))
 
 

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid._checks import require_float64
+from jaxid._checks import is_concrete, require, require_float64
 from jaxid._types import Motion, Scalar, as_array
 from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import Disturbance
@@ -162,7 +163,7 @@ def run(
     repeats: int = 1,
     substeps: int = 1,
 ) -> Run:
-    """Simulate one experiment, a motion tracked in closed loop, and return its data and its log.
+    """Simulate one experiment: a motion that is tracked in closed loop.
 
     Args:
         plant: true axis: parameters and disturbance.
@@ -173,8 +174,13 @@ def run(
         repeats: number of times that the motion is run, back to back, from rest.
         substeps: number of Runge-Kutta steps per sample period.
 
+    Returns:
+        `Run(record, signals, log)`: exact regression rows, true states and inputs over time, and
+        the log that the encoder records.
+
     Raises:
-        ValueError: if the motion does not last a whole number of sample periods, two at least.
+        ValueError: if the motion does not last a whole number of sample periods, two at least, or
+            the closed loop diverges.
 
     Example:
         >>> plant = jd.Plant(slide, (7.0, 20.0, 15.0), NoDisturbance())
@@ -188,6 +194,14 @@ def run(
         controller, servo, trajectory, sensor=sensor, repeats=repeats, substeps=substeps
     )
     record, signals = loop(plant, trajectory)
+    if is_concrete(signals):
+        lost = np.flatnonzero(~np.isfinite(np.asarray(signals.input)))
+        since = servo.period * lost.min(initial=signals.input.size)
+        require(
+            lost.size == 0,
+            f"The closed loop diverges: its input is not finite from {since:g} s on. Lower the "
+            "gains of `controller`, or shorten the sample period.",
+        )
     return Run(record, signals, servo.log(signals))
 
 

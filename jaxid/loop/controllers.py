@@ -23,9 +23,9 @@ class Controller(eqx.Module):
 
     @property
     def k1_of_p(self) -> Scalar:
-        """The k₁ of the combined error p = ė + k₁e that `AgainstTracking` drives from zero, in 1/s.
+        """The ratio k₁, in 1/s, of the worst-case disturbance, which drives ė + k₁e from zero.
 
-        Zero, the default, makes that disturbance depend on the velocity error alone.
+        With zero, the default, that disturbance depends on the velocity error alone.
         """
         return jnp.zeros(())
 
@@ -48,7 +48,7 @@ class Controller(eqx.Module):
 
 
 class ARC(Controller):
-    """The adaptive robust controller of the paper, in the regression form u = φᵀθ + Δ.
+    """The adaptive robust controller (ARC) of Lu and Yao (2010), in the form u = φᵀθ + Δ.
 
     With M = θ_x2 and φ' = [ẋ₂eq, f], (1) becomes M ṗ = u_s + φ'ᵀθ̃ − Δ. The signs of (20)-(26) as
     printed are inconsistent; those used here are consistent (see `experiments.axes.linear_motor`).
@@ -159,7 +159,7 @@ class ARC(Controller):
 
     @property
     def reach(self) -> Float[Array, " m"]:
-        """The largest |θ̂ − θ| per parameter, shape (m,).
+        """The largest estimation error |θ̂ − θ| of each parameter during control, shape (m,).
 
         It is the width of Ω_θ where θ̂ is adapted, and half of it where θ̂ stays at the centre.
         """

@@ -12,7 +12,7 @@ from jaxid._types import Scalar, as_array, dot
 
 
 class Moment(NamedTuple):
-    """The sample at which a disturbance is evaluated, with the tracking errors at its start.
+    """The instant at which a disturbance is evaluated, with the tracking errors of its sample.
 
     Attributes:
         tick: index of the sample.
@@ -42,9 +42,9 @@ class Disturbance(eqx.Module):
         """
 
     def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> "Disturbance":
-        """Return the disturbance of one run, with random numbers and the controller's k₁ filled in.
+        """Return the disturbance of one run, with its random numbers drawn; call it before `Plant`.
 
-        It is the disturbance itself unless it is random or depends on the controller.
+        It is the disturbance itself unless it is random or depends on the controller's k₁.
 
         Args:
             key: JAX key of this run.
@@ -160,7 +160,9 @@ class AgainstTracking(Disturbance):
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         if self.k1 is None:
-            raise ValueError("Argument `k1` of AgainstTracking must be given, or drawn for a run.")
+            raise ValueError(
+                "Argument `k1` of AgainstTracking must be given, e.g. `controller.k1_of_p`."
+            )
         return -delta * jnp.sign(moment.error_rate + self.k1 * moment.error)
 
 
@@ -172,7 +174,8 @@ class RandomForce(Disturbance):
 
     def __call__(self, moment: Moment, position: Scalar, velocity: Scalar, delta: Scalar) -> Scalar:
         raise ValueError(
-            "A RandomForce must be drawn for a run: call its method `drawn` with a key."
+            "A RandomForce must be drawn for a run before it is given to a plant: "
+            "`RandomForce().drawn(key, ticks, k1=0.0)`, with the number of samples of the run."
         )
 
     def drawn(self, key: PRNGKeyArray, ticks: int, k1: Scalar) -> Sequence:

@@ -119,8 +119,9 @@ class Log(eqx.Module):
         lost = rounded * jnp.max(jnp.abs(self.position))
         return self.resolution / 2 + lost + self.jitter * speed
 
-    def took_place(self) -> Bool[Array, " n"]:
-        """Return a mask of the samples that are part of the log, i.e. not padding, shape (n,)."""
+    @property
+    def counted(self) -> Bool[Array, " n"]:
+        """A mask of the samples that are part of the log, i.e. not padding, shape (n,)."""
         ticks = jnp.arange(self.input.size)
         return ticks < (self.input.size if self._count is None else self._count)
 
@@ -133,7 +134,7 @@ class Log(eqx.Module):
         held = exactly(self.input)
         return where(self.jitter > 0, held | before | after, held)
 
-    def misheld(self) -> Float[Array, " n"]:
+    def input_error(self) -> Float[Array, " n"]:
         """Return an upper bound of |mean input over each sample period − u_k|, shape (n,).
 
         At either end of a sample period the neighbour's input may act for as long as the jitter.

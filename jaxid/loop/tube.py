@@ -271,7 +271,7 @@ def _within(cell: _Cell, place: Range, speed: Range, u: Range) -> tuple[Range, R
 
 def _gain(law: ARC, place: Range, speed: Range, wanted: Range) -> Range:
     """K of (25)-(26)."""
-    phi = (wanted, *law.system.force_ranges(place, speed))
+    phi = (wanted, *law.system.regressor_ranges(place, speed))
     delta = law.system.disturbance_bound.range(place, speed)
     h = sum((reach * abs(f) for reach, f in zip(law.reach, phi, strict=True)), start=delta)
     return Range(*(law.k2 + end**2 / (4 * law.epsilon) for end in h))  # h ≥ 0
@@ -279,7 +279,7 @@ def _gain(law: ARC, place: Range, speed: Range, wanted: Range) -> Range:
 
 def _forces(system: System, theta: tuple[Range, ...], place: Range, speed: Range) -> Range:
     """θ_fᵀ f."""
-    forces = system.force_ranges(place, speed)
+    forces = system.regressor_ranges(place, speed)
     return sum((t * f for t, f in zip(theta[1:], forces, strict=True)), start=exactly(0.0))
 
 

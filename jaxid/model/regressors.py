@@ -10,12 +10,20 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxid._checks import require_at_least_zero, require_positive
+from jaxid._checks import (
+    is_concrete,
+    require,
+    require_at_least_zero,
+    require_positive,
+    require_shape,
+)
 from jaxid._types import Interval, Motion, Scalar, as_array, or_none
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.smoothing import Nonsmooth
 
 _CELLS = 64  # per side of (y, ẏ), for the magnitude of a user's regressor in (18)
+_PARTS = 8  # of each range of y and of ẏ, so that slopes of a regressor act over short distances
+_PAIRS = {"slopes": "|∂f/∂y| and |∂f/∂ẏ|", "bounds": "smallest and largest value"}
 _TRIED = (0.0, 0.25, 0.5, 0.75, 1.0)  # fractions of a range at which f is sampled
 
 
@@ -28,11 +36,14 @@ class Regressor(eqx.Module):
 
     @abc.abstractmethod
     def magnitude(self, position: Interval, velocity: Interval) -> Scalar:
-        """Return an upper bound of |f| over intervals of position and velocity, for (18)."""
+        """Return an upper bound of |f| over intervals, for `acceleration_limit` (18)."""
 
     @abc.abstractmethod
     def range(self, position: Range, velocity: Range) -> Range:
-        """Return a range that contains f for all positions and velocities in the given ranges."""
+        """Return a range that contains f for all positions and velocities in the given ranges.
+
+        It has the shape of the ranges. A loose range widens every guaranteed interval.
+        """
 
     @property
     def proved(self) -> bool:
@@ -49,24 +60,47 @@ class Custom(Regressor):
     """A user-defined regressor f(y, ẏ), with or without bounds on its partial derivatives.
 
     Without these bounds, its range is estimated from samples; parameters whose results depend on
-    that estimate are listed in `System.estimated`.
+    that estimate are listed in `System.estimated`. With them results are guaranteed if the bounds
+    are true, which is not checked. A function that is steep somewhere, such as tanh(ẏ/0.02), also
+    needs `bounds`, or the intervals become wide; a `Regressor` with an exact `range` is tightest.
 
     Attributes:
         function: f of two arrays of one shape, position and velocity; returns that shape.
-        slopes: largest |∂f/∂y| and |∂f/∂ẏ| wherever f is used, in SI units; None if unknown.
+        slopes: upper bounds of |∂f/∂y| and |∂f/∂ẏ| wherever f is used, in SI units; None if
+            unknown.
+        bounds: smallest and largest value of f wherever it is used; None if unknown.
 
     Raises:
-        ValueError: if a slope is below zero or not finite.
+        ValueError: if `slopes` or `bounds` is not a pair of numbers, a slope is below zero or not
+            finite, or the bounds are not in increasing order.
     """
 
     function: Callable[[Motion, Motion], Motion] = eqx.field(static=True)
     slopes: Float[Array, "2"] | None = eqx.field(
         converter=or_none(as_array("slopes")), default=None
     )
+    bounds: Float[Array, "2"] | None = eqx.field(
+        converter=or_none(as_array("bounds")), default=None
+    )
 
     def __check_init__(self) -> None:
+        require(
+            callable(self.function),
+            f"Argument `function` of a Custom regressor must be a function of position and "
+            f"velocity, but is {self.function!r}.",
+        )
+        for name in ("slopes", "bounds"):
+            pair = getattr(self, name)
+            if pair is not None:
+                require_shape(name, "a Custom regressor", pair, (2,), _PAIRS[name])
         if self.slopes is not None:
             require_at_least_zero("slopes", "a Custom regressor", self.slopes)
+        if self.bounds is not None and is_concrete(self.bounds):
+            require(
+                bool(self.bounds[0] <= self.bounds[1]),
+                "Argument `bounds` of a Custom regressor must be its smallest and its largest "
+                f"value, but is {self.bounds.tolist()}.",
+            )
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         return self.function(position, velocity)
@@ -88,13 +122,29 @@ class Custom(Regressor):
         return jnp.max(abs(values).upper)
 
     def range(self, position: Range, velocity: Range) -> Range:
-        """Return a range of f: its value at the midpoint ± its largest change by `slopes`.
+        """Return a range of f, from its values in 8 × 8 cells ± its change by `slopes` in a cell.
 
         Without `slopes`, it is the range of 5 × 5 samples, an estimate.
         """
-        if self.slopes is not None:
-            reach = self.slopes[0] * position.half_width + self.slopes[1] * velocity.half_width
-            return self(position.middle, velocity.middle) + around(reach)
+        found = (
+            self._sampled(position, velocity)
+            if self.slopes is None
+            else self._by_slopes(self.slopes, position, velocity)
+        )
+        return found if self.bounds is None else found & Range(*self.bounds)
+
+    def _by_slopes(self, slopes: Float[Array, "2"], position: Range, velocity: Range) -> Range:
+        shares = (jnp.arange(_PARTS) + 0.5) / _PARTS  # midpoints of cells
+
+        def midpoints(over: Range) -> Array:
+            return jnp.stack([over.lower + s * (over.upper - over.lower) for s in shares])
+
+        y, v = midpoints(position)[:, None], midpoints(velocity)[None, :]
+        values = self(*jnp.broadcast_arrays(y, v))
+        reach = (slopes[0] * position.half_width + slopes[1] * velocity.half_width) / _PARTS
+        return Range(jnp.min(values, axis=(0, 1)), jnp.max(values, axis=(0, 1))) + around(reach)
+
+    def _sampled(self, position: Range, velocity: Range) -> Range:
         tried = [
             exactly(
                 self(
@@ -143,8 +193,8 @@ class Coulomb(Regressor, Nonsmooth):
 
     Attributes:
         beta: β, the steepness of the smooth sign, in s/m or s/rad; above zero.
-        blend: speed range around zero over which f is flattened for a search, m/s or rad/s; zero,
-            the default, is the exact regressor.
+        blend: width over which a search smooths the sign at zero speed, m/s or rad/s; leave it at
+            zero, the default, the exact regressor.
 
     Raises:
         ValueError: if `beta` is not above zero, or `blend` is below zero, or one is not finite.
@@ -254,7 +304,7 @@ class Spring(Regressor):
 
 
 class OneWay(Regressor):
-    """Another regressor in one direction of motion only, and zero in the other and at rest.
+    """A regressor that acts in one direction of motion, and is zero in the other and at rest.
 
     Two of them, forward and backward, model friction that depends on the direction.
 

@@ -47,6 +47,11 @@ class Term(eqx.Module):
 
     def __check_init__(self) -> None:
         require_interval("interval", self.interval, f"the term {self.name}")
+        require(
+            self.regressor is None or isinstance(self.regressor, Regressor),
+            f"Argument `regressor` of the term {self.name} must be a regressor such as "
+            f"jaxid.Viscous(), or jaxid.Custom(function), but is {self.regressor!r}.",
+        )
 
 
 class System(eqx.Module):
@@ -94,6 +99,11 @@ class System(eqx.Module):
         require(
             len(set(self.names)) == len(self.names),
             f"Argument `terms` must have distinct names, but has {list(self.names)}.",
+        )
+        _require_bound(self.disturbance_bound)
+        require(
+            self.coordinate in ("linear", "rotary"),
+            f"Argument `coordinate` must be linear or rotary, but is {self.coordinate!r}.",
         )
         if is_concrete(self.terms[0].interval):
             least = float(np.asarray(self.terms[0].interval)[0])
@@ -186,6 +196,7 @@ class System(eqx.Module):
 
     def with_disturbance_bound(self, bound: DisturbanceBound) -> "System":
         """Return the same system with another disturbance bound δ."""
+        _require_bound(bound)
         return eqx.tree_at(lambda s: s.disturbance_bound, self, bound)
 
     def with_scaled_disturbance(self, factor: Scalar | float) -> "System":
@@ -196,13 +207,13 @@ class System(eqx.Module):
         """
         return self.with_disturbance_bound(ScaledBound(self.disturbance_bound, factor))
 
-    def forces(self, position: Motion, velocity: Motion) -> tuple[Motion, ...]:
-        """Return the regressors f₁ … f_{m−1}, i.e. all of φ but ÿ, each in the motion's shape."""
+    def regressor_values(self, position: Motion, velocity: Motion) -> tuple[Motion, ...]:
+        """Return the values of f₁ … f_{m−1}, i.e. all of φ but ÿ, each in the motion's shape."""
         return tuple(
             term.regressor(position, velocity) for term in self.terms if term.regressor is not None
         )
 
-    def force_ranges(self, position: Range, velocity: Range) -> tuple[Range, ...]:
+    def regressor_ranges(self, position: Range, velocity: Range) -> tuple[Range, ...]:
         """Return one range per regressor f₁ … f_{m−1} over ranges of position and velocity."""
         return tuple(
             term.regressor.range(position, velocity)
@@ -214,7 +225,7 @@ class System(eqx.Module):
         self, position: Motion, velocity: Motion, acceleration: Motion
     ) -> tuple[Motion, ...]:
         """Return the regressor vector φ(y, ẏ, ÿ) of (2), as m arrays of the motion's shape."""
-        return (acceleration, *self.forces(position, velocity))
+        return (acceleration, *self.regressor_values(position, velocity))
 
     def acceleration(
         self, position: Motion, velocity: Motion, load: Motion, theta: Float[Array, " m"]
@@ -227,7 +238,7 @@ class System(eqx.Module):
             load: u − Δ, the input minus the disturbance, in the unit of the input.
             theta: θ, shape (m,), in the units of the parameters.
         """
-        return (load - dot(self.forces(position, velocity), theta[1:])) / theta[0]
+        return (load - dot(self.regressor_values(position, velocity), theta[1:])) / theta[0]
 
 
 def _ends_of_intervals(terms: tuple[Term, ...], side: int) -> Float[Array, " m"]:
@@ -235,6 +246,14 @@ def _ends_of_intervals(terms: tuple[Term, ...], side: int) -> Float[Array, " m"]
     if is_concrete(intervals):  # one array, not an operation per term: 0.08 instead of 0.6 ms
         return jnp.asarray(np.stack([np.asarray(interval)[side] for interval in intervals]))
     return jnp.stack([interval[side] for interval in intervals])
+
+
+def _require_bound(bound: object) -> None:
+    require(
+        isinstance(bound, DisturbanceBound),
+        "Argument `disturbance_bound` of a system must be a disturbance bound such as "
+        f"jaxid.ConstantBound(0.2), but is {bound!r}.",
+    )
 
 
 def require_parameters(name: str, owner: str, theta: Float[Array, "..."], system: System) -> None:

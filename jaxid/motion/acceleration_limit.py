@@ -56,7 +56,7 @@ def acceleration_reach(
     states = (Range(*as_array("position")(position)), Range(*as_array("velocity")(velocity)))
     needs = system.disturbance_bound.range(*states).lower
     up, down = needs, needs
-    for theta, span in zip(system.box[1:], system.force_ranges(*states), strict=True):
+    for theta, span in zip(system.box[1:], system.regressor_ranges(*states), strict=True):
         up = up + _least_peak(theta, span)
         down = down + _least_peak(-theta, span)
     low, high = as_array("input")(input)

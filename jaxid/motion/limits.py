@@ -122,7 +122,8 @@ class Boundary(eqx.Module):
 
     Attributes:
         start: state [y, ẏ, ÿ] at t = 0, SI units.
-        vias: conditions at later instants; the end condition has `at = 1`.
+        vias: conditions at later instants; one with `at = 1` is the end condition. Without it the
+            motion may end in any state within the limits.
 
     Example:
         >>> rest = (0.1, 0.0, 0.0)  # m, m/s, m/s²

@@ -14,9 +14,9 @@ class Task(NamedTuple):
         boundary: start, end and via points of the motion, kept exactly.
         intervals: number of intervals of constant jerk (2·N_i in the paper).
         period: duration of each interval, s.
-        axis: prediction of the axis along a motion, if the limits are to hold for the axis too; a
-            search calls it very often, so it must not be a simulation (see
-            `jaxid.search.frozen_loop.freeze`); default None, limits of the motion only.
+        axis: prediction of the closed loop along a motion, if its states must keep the limits too;
+            a search calls it very often, so it must not be a simulation (see
+            `jaxid.search.frozen_loop.freeze`); default None: only the planned motion keeps them.
         size: number of intervals to pad motions to, so that several lengths share one compilation;
             default no padding.
 

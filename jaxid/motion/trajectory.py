@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxid._checks import require, require_concrete, require_shape
+from jaxid._checks import require, require_at_least_zero, require_concrete, require_shape
 from jaxid._types import Motion, Numbers, Scalar, as_array, as_known
 from jaxid.motion.ticks import Ticks
 
@@ -68,6 +68,7 @@ class JerkTrajectory(eqx.Module):
         intervals = jnp.shape(self.jerk)[:1]
         require_shape("jerk", "a trajectory", self.jerk, intervals or (1,), "one per interval")
         require_shape("durations", "a trajectory", self.durations, intervals, "one per interval")
+        require_at_least_zero("durations", "a trajectory", self.durations)
 
     @property
     def counted(self) -> Bool[Array, " n"]:

@@ -17,7 +17,7 @@ from jaxid.regression.worst_case import least_squares, worst_case_error
 def planned_error(
     system: System, trajectory: JerkTrajectory, nodes: int = 1024
 ) -> Float[Array, " m"]:
-    """Return J of (16): the worst-case least-squares error of every parameter on a desired motion.
+    """Return the worst-case least-squares error J of every parameter on a motion, (16).
 
     It has shape (m,), in the units of the parameters, and is computed with the exact δ.
 
@@ -72,9 +72,11 @@ def sampled_error(
     for name, values in arrays.items():
         require_shape(name, "a sampled motion", values, (arrays["time"].size,), "one per sample")
     if is_concrete(arrays["time"]):
+        back = np.flatnonzero(~(np.diff(np.asarray(arrays["time"])) > 0))
         require(
-            bool(np.all(np.diff(np.asarray(arrays["time"])) > 0)),
-            "Argument `time` of a sampled motion must increase from each sample to the next.",
+            back.size == 0,
+            "Argument `time` of a sampled motion must increase from each sample to the next, but "
+            f"does not after sample {back[0] if back.size else 0}.",
         )
     return _sampled_error(system, **arrays)
 

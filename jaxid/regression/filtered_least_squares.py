@@ -12,7 +12,9 @@ from jaxid.regression.worst_case import require_informative
 def filtered_least_squares(
     record: Record, system: System, bandwidth: Scalar | float, period: Scalar | float
 ) -> Estimate:
-    """Return least squares (11) of a record filtered by H_f (28), with the error bound J_f of (29).
+    """Return the least-squares estimate of a filtered record, with its error bound J_f (28)-(29).
+
+    This is the identification of Lu and Yao (2010).
 
     For recorded logs the bound is no guarantee. It holds if every row of the record obeys u = φᵀθ +
     Δ with |Δ| ≤ δ exactly, as the rows of a simulation do. Rows made of sampled, quantised
@@ -21,7 +23,7 @@ def filtered_least_squares(
 
     Args:
         record: exact regression rows with their inputs, SI units and the unit of the input.
-        system: system with its prior box.
+        system: system with its prior box; its δ is not used, but that of the rows of the record.
         bandwidth: bandwidth w of the filter H_f(s) = w/(s + w), rad/s.
         period: sample period of the record, s.
 

@@ -49,12 +49,14 @@ class LowerBound(NamedTuple):
         dual: parameter deviations ν that prove the bounds, shape (k, m).
         estimated: names of parameters with user-defined regressors without slope bounds; if there
             are any, the lower bound is an estimate.
+        limits: limits within which no motion can promise less.
     """
 
     value: Float[Array, " k"]
     above: Float[Array, " k"]
     dual: Float[Array, "k m"]
-    estimated: tuple[str, ...] = ()
+    estimated: tuple[str, ...]
+    limits: Limits
 
 
 def lower_bound(system: System, limits: Limits, norm: Norm | None = None) -> LowerBound:
@@ -87,7 +89,7 @@ def lower_bound(system: System, limits: Limits, norm: Norm | None = None) -> Low
     functionals = np.eye(len(system.names)) if norm is None else np.asarray(norm.functionals)
     found = [_of_one(system, limits, c) for c in functionals]
     value, above, dual = (jnp.asarray(np.stack(column)) for column in zip(*found, strict=True))
-    return LowerBound(value, above, dual, system.estimated)
+    return LowerBound(value, above, dual, system.estimated, limits)
 
 
 def _of_one(system: System, limits: Limits, functional: Vector) -> tuple[float, float, Vector]:
@@ -118,7 +120,7 @@ def _on_states(
     """Return the best ν for some states, each with both extreme accelerations."""
     y, v = jnp.asarray(states.T)
     delta = np.asarray(system.disturbance_bound(y, v))
-    forces = [np.asarray(force) for force in system.forces(y, v)]
+    forces = [np.asarray(force) for force in system.regressor_values(y, v)]
     phi = np.concatenate(
         [
             np.stack([np.full_like(delta, float(a)), *forces], axis=1) / delta[:, None]
@@ -197,7 +199,7 @@ def _ratio(
     system: System, nu: Float[Array, " m"], acceleration: Range, position: Range, velocity: Range
 ) -> Float[Array, " cells"]:
     """An upper bound of |φᵀν|/δ while the state stays in its ranges."""
-    forces = system.force_ranges(position, velocity)
+    forces = system.regressor_ranges(position, velocity)
     total = sum((n * f for n, f in zip(nu[1:], forces, strict=True)), start=nu[0] * acceleration)
     ratio = abs(total).upper / system.disturbance_bound.range(position, velocity).lower
     return jnp.where(jnp.isnan(ratio), jnp.inf, ratio)  # NaN bounds nothing

@@ -10,7 +10,8 @@ SMOOTHINGS = (0.0006, 0.0001)
 class Effort(NamedTuple):
     """The effort of a search for a motion: numbers of starts, steps, rounds and linear programs.
 
-    With the default, the motions for the motor of the paper are found within one per cent.
+    With the default, the worst-case errors of the motions for the motor of Lu and Yao (2010) are at
+    most 1 % above the best of three longer searches.
 
     A search from random motions uses all fields up to `smoothings`; a design for the predicted
     error also `searches` and those with `predicted`; an improvement of a given motion uses
@@ -29,7 +30,8 @@ class Effort(NamedTuple):
         finalists: number of best motions that are refined by linear programs.
         programs: largest number of linear programs per smoothing in a refinement.
         smoothings: smoothing parameters of the objective in a refinement, in order.
-        searches: number of searches for starts of a design for the predicted error. For the motor,
+        searches: number of least-squares searches that provide the starts of a design for the
+            predicted error. For the motor,
             40 % of them end 0.8 % above the others, so that four fail together in 3 % of cases.
         predicted_programs: largest number of linear programs per smoothing for the predicted error.
         predicted_smoothings: smoothing parameters of the predicted error, in order. The large ones
