@@ -133,7 +133,7 @@ def coded(tmp_path):
     (tmp_path / "own_axis_code.py").write_text(CODE)
     text = example("linear")
     start, end = text.index("# One table per unknown"), text.index("[limits]")
-    control, log = text.index("# What tracks the motion"), text.index("# Which column of")
+    control, log = text.index("# Optional: the controller"), text.index("# Columns of a recorded")
     kept = text[:start] + text[end:control] + text[log:]
 
     def named(name):

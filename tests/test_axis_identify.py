@@ -166,7 +166,7 @@ def test_a_record_that_cannot_tell_two_parameters_apart_says_so(tmp_path, capsys
     assert "M is not identifiable from this log" in said
     assert {"M", "B", "Fc"} <= found["not_identifiable"].keys()
     assert found["parameters"]["M"]["guaranteed"] == found["parameters"]["M"]["prior"]
-    assert found["parameters"]["M"]["least_squares"] is None
+    assert found["parameters"]["M"]["least_squares_estimate"] is None
 
 
 @pytest.mark.parametrize(

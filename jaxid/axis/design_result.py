@@ -116,11 +116,15 @@ class DesignResult(Result):
             header.append("wanted ±")
             columns.append([None if np.isinf(x) else x for x in wanted])
         rows = list(zip(system.names, system.units, *columns, strict=True))
-        margins = ", ".join(f"{name} {x:.2%}" for name, x in self.margins.items())
+        # rounding of the exported positions is no violation
+        margins = ", ".join(f"{name} {max(x, 0.0):.2%}" for name, x in self.margins.items())
+        low, high = found.axis.task.limits.acceleration.tolist()
         return "\n".join(
             (
                 plots.text_table(header, rows, TITLE),
                 *_unidentified(found),
+                *_impossible(found),
+                f"Acceleration limit: [{low:.4g}, {high:.4g}] {UNITS[system.coordinate]}/s²",
                 f"Margin to the limits, relative to half their range: {margins}",
             )
         )
@@ -139,6 +143,17 @@ def _unidentified(found: AxisDesign) -> Iterator[str]:
             yield (
                 f"{name}: predicted to stay unidentified, since the log of this motion would not "
                 f"narrow its prior interval (± {box[k]:.4g} {found.axis.system.units[k]})."
+            )
+
+
+def _impossible(found: AxisDesign) -> Iterator[str]:
+    """Yield a sentence for each required accuracy that no motion within the limits can promise."""
+    least, wanted = found.worth.lower_bound.tolist(), found.axis.wanted.tolist()
+    for name, low, want in zip(found.axis.system.names, least, wanted, strict=True):
+        if want < low:
+            yield (
+                f"`wanted.{name}` = {want:g} is below the lower bound {at_least(low, 4)}: no "
+                "motion within the limits can promise it (jaxid guide design)."
             )
 
 

@@ -211,7 +211,7 @@ def _parameter(found: Identified, k: int) -> IdentifiedParameter:
     known = IdentifiedParameter(
         unit=system.units[k],
         prior=(float(system.lower[k]), float(system.upper[k])),
-        least_squares=None if found.fit is None else float(found.fit.theta[k]),
+        least_squares_estimate=None if found.fit is None else float(found.fit.theta[k]),
     )
     result = found.result
     if result is None:

@@ -309,6 +309,8 @@ def whole(time: float, period: float, name: str) -> int:
     Raises:
         ValueError: if it is not a whole number, one or more.
     """
+    if not time > 0:
+        raise ValueError(f"{name} must be above zero, but is {time:g} s.")
     count = time / period if period > 0 else 0.0
     if not count <= _MOST:
         raise ValueError(

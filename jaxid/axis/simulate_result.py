@@ -117,7 +117,7 @@ def _verdict(said: SimulationSummary) -> Iterator[str]:
             by = "the loop of at least one of them diverged"
         else:
             most = at_most(-one.smallest_margin)
-            by = f"by up to {most} {one.unit}: design for limits that are narrower by this"
+            by = f"by up to {most} {one.unit}: narrow it, and design again (jaxid guide safety)"
         number = f"{one.exceeded_by} of {said.plants} plants"
         yield f"`limits.{name}` was exceeded by {number}, {by}."
 
@@ -172,7 +172,7 @@ def page(found: Simulated) -> bytes:
         panel.set_xlabel("time (s)", fontsize=12)
     shown = min(DRAWN, error.shape[0])
     canvas.suptitle(
-        f"{shown} of {found.plants} simulated plants; red: a limit is exceeded somewhere",
+        f"The first {shown} of {found.plants} simulated plants; orange-red: a limit is exceeded",
         fontsize=12,
     )
     return plots.png(canvas)

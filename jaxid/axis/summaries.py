@@ -159,8 +159,8 @@ class IdentifiedParameter(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         unit: unit of the parameter.
         prior: prior interval in the axis file, lower and upper end, in the unit.
-        least_squares: least-squares estimate, in the unit; null if the log does not identify the
-            parameters separately.
+        least_squares_estimate: estimate of an ordinary least-squares fit, without any guarantee, in
+            the unit; null if the log does not identify the parameters separately.
         guaranteed: interval that contains the true value if the assumptions hold, in the unit: all
             values that are consistent with the log.
         theta_hat: estimate by the best fixed weights, in the unit.
@@ -170,7 +170,7 @@ class IdentifiedParameter(msgspec.Struct, frozen=True, kw_only=True):
 
     unit: str
     prior: Ends
-    least_squares: Number
+    least_squares_estimate: Number
     guaranteed: Ends | msgspec.UnsetType = msgspec.UNSET
     theta_hat: float | msgspec.UnsetType = msgspec.UNSET
     bound: float | msgspec.UnsetType = msgspec.UNSET

@@ -17,6 +17,8 @@ class InfeasibleError(ValueError):
     """The error raised when no motion of a given length keeps its limits, which is proved.
 
     Attributes:
+        shortage: proved relaxation that all limits would need for this duration, in half-widths of
+            each limit.
         shortest: smallest feasible number of intervals of constant jerk; None if even a motion of
             2000 intervals is infeasible.
     """
@@ -32,6 +34,7 @@ class InfeasibleError(ValueError):
             shortage: proved relaxation that all limits would need, in half-widths of each limit.
             shortest: smallest feasible number of intervals, if there is one.
         """
+        self.shortage = shortage
         self.shortest = shortest
         hint = (
             f"No motion of up to {_MOST * period:g} s ({_MOST} intervals) does."
@@ -40,8 +43,8 @@ class InfeasibleError(ValueError):
         )
         super().__init__(
             f"Argument `intervals`: no motion of {intervals * period:g} s ({intervals} intervals "
-            f"of {period:g} s) keeps the limits and via points, which a linear program proves: all "
-            f"limits would have to be widened by {shortage:.2%} of half their range. {hint}"
+            f"of {period:g} s) keeps the limits and via points, which a linear program proves. "
+            f"{hint}"
         )
 
 

@@ -65,13 +65,13 @@ def multistart(
     deep = interior_motion(problem, intervals, period, size)
     space = motion_space(limits, boundary, intervals, period, size)
     first, *keys = jax.random.split(key, effort.rounds + 1)
-    report("evolution of dwells")
+    report("random starts")
     z = _first_starts(first, problem, space, intervals, shorter, effort)
     pool, history = None, []
     for k in range(effort.rounds + 1):
         if pool is not None:
             z = _variations(keys[k - 1], pool, task, space, effort)
-        report(f"descent {k + 1} of {effort.rounds + 1}")
+        report(f"gradient descent {k + 1} of {effort.rounds + 1}")
         z = descend(problem, space, z, effort.stages, effort.steps)
         found = _admissible(problem, deep, space, z)
         pool = found if pool is None else _best(pool, found)
@@ -102,7 +102,7 @@ def _refined(
 ) -> tuple[float, JerkTrajectory]:
     finalists = []
     for k in range(min(effort.finalists, pool.values.size)):
-        report(f"refinement {k + 1} of {effort.finalists}")
+        report(f"local refinement {k + 1} of {effort.finalists}")
         motion = refined(problem, deep, _pick(pool, k), effort.programs, effort.smoothings)
         reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
         finalists.append((float(reached), k, motion))
