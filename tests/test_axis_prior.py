@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxid as jd
 from experiments.axes import linear_motor as motor
 from jaxid.axis import cli
 from jaxid.axis.file import example, read_axis
@@ -114,3 +115,15 @@ def test_a_proposal_holds_the_motor_and_its_disturbance(tmp_path, jog, capsys):
         assert at_least <= low <= at_least + 0.001 * abs(low)
         assert at_most - 0.001 * abs(high) <= high <= at_most
     assert "a heuristic, not a guarantee" in said
+
+
+def test_an_encoder_that_is_too_coarse_for_a_fit_is_named(tmp_path):
+    jerk = jnp.array([60.0, -60.0, 0.0, -60.0, 60.0, -60.0, 60.0, 0.0, 60.0, -60.0])
+    motion = uniform(jnp.zeros(3), jerk, 0.06)
+    coarse = jd.Servo(PERIOD, 5e-5)
+    log = run(motor.plant(), motor.controller(), coarse, motion, sensor=motor.servo().sensor).log
+    text = example("linear").replace("resolution = 0.5e-6", "resolution = 5e-5")
+    (tmp_path / "axis.toml").write_text(text)
+    recorded = Recorded(None, np.asarray(log.position[:-1]), np.asarray(log.input))
+    with pytest.raises(ValueError, match=r"encoder is too coarse for a fit .*M = \S+ ± \S+ V s²/m"):
+        propose(read_axis(tmp_path / "axis.toml"), recorded)

@@ -6,7 +6,9 @@ from itertools import cycle
 from typing import ClassVar
 
 import msgspec
+import numpy as np
 
+from jaxid._text import at_least
 from jaxid.axis.design_result import HEADINGS, TITLE, evaluation_cells
 from jaxid.axis.file import Axis
 from jaxid.axis.result import Result
@@ -79,17 +81,18 @@ def page(found: Tradeoff) -> bytes:
     designs, system = found.designs, found.axis.system
     targets = list(dict.fromkeys(one.target for one in designs))
     count = len(system.names)
+    most = 100 * max(float(np.max(np.asarray(one.worth.gap))) for one in designs)
     canvas, panels = plots.figure(1, count, (3.4 * count, 3.8))
     for k, (panel, name, unit) in enumerate(zip(panels, system.names, system.units, strict=True)):
         for target, colour in zip(targets, cycle(plots.CYCLE), strict=False):
             own = [one for one in designs if one.target == target]
             time = [duration_of(one.axis) for one in own]
-            error = [float(one.worth.predicted[k]) for one in own]
-            panel.plot(time, error, "o-", color=colour, label=f"for {target}")
-        least = float(designs[0].worth.lower_bound[k])
-        panel.axhline(least, color=plots.GREY, linestyle="--", linewidth=1.2, label="lower bound")
-        plots.label(panel, "duration (s)", f"half-width ({unit})", name)
-        panel.ticklabel_format(axis="y", useOffset=False)
+            gap = [100 * float(one.worth.gap[k]) for one in own]
+            panel.plot(time, gap, "o-", color=colour, label=f"motion for {target}")
+        least = at_least(float(designs[0].worth.lower_bound[k]), 3)
+        plots.label(panel, "duration (s)", "", f"{name}\nlower bound ± {least} {unit}")
+        panel.set_ylim(0.0, 1.1 * most)
+    panels[0].set_ylabel("% above the lower bound", fontsize=12)
     panels[0].legend(fontsize=10)
     canvas.suptitle("Predicted guaranteed half-widths by duration and target", fontsize=12)
     return plots.png(canvas)
