@@ -205,7 +205,7 @@ def test_a_design_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch)
 
 def test_what_cannot_be_designed_is_said_in_a_sentence(tmp_path, capsys):
     path, out = tmp_path / "axis.toml", tmp_path / "out"
-    assert "No such file" in refused(capsys, "design", path, "--out", out)
+    assert "there is no file axis.toml in " in refused(capsys, "design", path, "--out", out)
     cli.main(["init", str(path)])
     wrong = refused(capsys, "design", path, "--out", out, "--target", "mass")
     assert "--target must be all, wanted or one of M, B, Fc, dbar, but is 'mass'" in wrong

@@ -148,7 +148,7 @@ def test_terms_must_start_with_the_inertia_and_differ_in_name():
 
 
 def test_an_unknown_parameter_is_named(key):
-    with pytest.raises(ValueError, match=r"one of \['M', 'B', 'Fc', 'dbar'\], but is 'mass'"):
+    with pytest.raises(ValueError, match="`target` must be one of M, B, Fc, dbar, but is 'mass'"):
         optimal_motion(TASK, LeastSquaresError(motor.system(), "mass"), key)
 
 
