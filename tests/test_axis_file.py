@@ -10,8 +10,9 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from experiments.axes import one_link_arm as arm
-from jaxid.axis.file import example, read_axis
-from jaxid.io.log_file import Columns
+from jaxid.axis.file import read_axis
+from jaxid.axis.texts import example
+from jaxid.io.recorded import Columns
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.regressors import OneWay, Sine

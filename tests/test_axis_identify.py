@@ -10,13 +10,14 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid.axis import cli
-from jaxid.axis.file import example, read_axis
+from jaxid.axis.file import read_axis
 from jaxid.axis.identify import IdentifyResult, identify_axis
+from jaxid.axis.texts import example
 from jaxid.identification import identify as door
 from jaxid.identification.batches import knots_by_length
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io.files import read_trajectory
-from jaxid.io.log_file import Recorded
+from jaxid.io.recorded import Recorded
 from jaxid.io.segments import steady_segments
 from jaxid.loop.closed_loop import run
 from jaxid.loop.log import InconsistentLogError

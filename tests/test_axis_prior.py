@@ -9,10 +9,11 @@ import pytest
 import jaxid as jd
 from experiments.axes import linear_motor as motor
 from jaxid.axis import cli
-from jaxid.axis.file import example, read_axis
+from jaxid.axis.file import read_axis
 from jaxid.axis.prior import propose
+from jaxid.axis.texts import example
 from jaxid.identification.least_squares import fit_least_squares
-from jaxid.io.log_file import Recorded
+from jaxid.io.recorded import Recorded
 from jaxid.loop.closed_loop import run
 from jaxid.loop.log import Log
 from jaxid.motion.trajectory import uniform

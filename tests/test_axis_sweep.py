@@ -6,12 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxid import runtime
 from jaxid.axis import cli
 from jaxid.axis import sweep as axis_sweep
 from jaxid.axis.design import played
-from jaxid.axis.file import example, read_axis
+from jaxid.axis.file import read_axis
 from jaxid.axis.saved_designs import designs_in
 from jaxid.axis.sweep_result import SweepResult
+from jaxid.axis.texts import example
 from jaxid.io.files import read_dataset, read_trajectory
 from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.controllers import ARC, Delayed, PDFeedforward, undelayed
@@ -89,7 +91,9 @@ def test_gains_are_scaled_whatever_the_law(folder):
 
 
 def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
-    monkeypatch.setattr(cli, "connect", lambda devices: None)  # these devices are in use already
+    monkeypatch.setattr(
+        runtime, "connect", lambda devices: None
+    )  # these devices are in use already
     path = folder / "arm.toml"
 
     def said(*arguments):

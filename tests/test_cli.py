@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from experiments.paper.designs import TOY
-from jaxid.axis import cli
+from jaxid.axis import cli, commands
 from jaxid.axis import design_result as axis_design
 from jaxid.axis import tradeoff as axis_tradeoff
+from jaxid.axis.defaults import EFFORTS
 from jaxid.axis.design import evaluated, in_words
 from jaxid.axis.design_result import DesignResult
-from jaxid.axis.file import PROGRAM, example, read_axis
+from jaxid.axis.file import PROGRAM, read_axis
 from jaxid.axis.result import write
 from jaxid.axis.saved_designs import designs_in, of_another_axis, read_design
 from jaxid.axis.simulate import simulate_axis
+from jaxid.axis.texts import example
 from jaxid.design.evaluation import evaluate
 from jaxid.io.files import read_table, read_trajectory
 from jaxid.io.log_file import read_log
@@ -32,7 +34,7 @@ FILES = sorted([*DesignResult.names, "manifest.json"])
 
 @pytest.fixture
 def toy(monkeypatch):
-    monkeypatch.setitem(cli.EFFORTS, "quick", TOY)
+    monkeypatch.setitem(EFFORTS, "quick", TOY)
 
 
 def refused(capsys, *arguments):
@@ -181,7 +183,7 @@ def test_a_design_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch)
     path, out = tmp_path / "axis.toml", tmp_path / "out"
     path.write_text(example("linear").replace("delay = 0 ", "delay = 2 "))
     axis = read_axis(path)
-    found = hardly_designed(axis, "all", 0, cli.EFFORTS["quick"], None)
+    found = hardly_designed(axis, "all", 0, EFFORTS["quick"], None)
 
     def interrupted(*arguments):
         raise KeyboardInterrupt
@@ -224,7 +226,7 @@ def test_an_interruption_leaves_nothing(tmp_path, capsys, monkeypatch):
 
     path, out = tmp_path / "axis.toml", tmp_path / "out"
     cli.main(["init", str(path)])
-    monkeypatch.setattr(cli, "design_axis", interrupted)
+    monkeypatch.setattr(commands, "design_axis", interrupted)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["design", str(path), "--out", str(out)])
     assert stopped.value.code == 130

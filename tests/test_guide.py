@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxid.axis import cli
-from jaxid.axis.guide import guide_page
+from jaxid.axis.texts import guide_page
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "jaxid" / "guide"

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import jaxid
+from jaxid.axis.texts import example
 
 PACKAGE = Path(jaxid.__file__).parent
 FOLDERS = (
@@ -110,3 +111,30 @@ def test_importing_a_program_computes_nothing():
             if "casadi" not in path.read_text() and path.stem not in ("__init__", "__main__")
         ]
     )
+
+
+def test_help_and_guide_import_nothing_that_is_slow():
+    program = (
+        "import sys; from jaxid.axis.cli import main\n"
+        "for words in (['--help'], ['design', '--help'], ['guide', 'faq']):\n"
+        "    try: main(words)\n"
+        "    except SystemExit as stopped: assert stopped.code == 0\n"
+        "print(sorted({'jax', 'numpy', 'scipy', 'matplotlib', 'pandas'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]", done.stderr
+
+
+def test_a_typo_in_a_file_is_told_before_the_library_is_imported(tmp_path):
+    (tmp_path / "slide.toml").write_text(example("linear").replace('"viscous"', '"viscos"'))
+    program = (
+        "import sys; from jaxid.axis.cli import main\n"
+        "try: main(['design', 'slide.toml', '--out', 'x'])\n"
+        "except SystemExit as stopped: assert stopped.code == 1\n"
+        "print(sorted({'scipy.optimize', 'matplotlib', 'pandas', 'xarray'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert "but is 'viscos'" in done.stderr
+    assert done.stdout.splitlines()[-1] == "[]", done.stderr

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.axis.file import example
+from jaxid.axis.texts import example
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
 

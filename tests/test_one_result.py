@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.axis import cli, summaries
+from jaxid.axis import cli, commands, summaries
 from jaxid.axis.design import AxisDesign
 from jaxid.axis.design_result import DesignResult
-from jaxid.axis.file import example, read_axis
+from jaxid.axis.file import read_axis
 from jaxid.axis.identify import IdentifyResult, identify_axis
 from jaxid.axis.saved_designs import read_design
+from jaxid.axis.texts import example
 from jaxid.axis.tradeoff import Tradeoff
 from jaxid.axis.tradeoff_result import TradeoffResult
 from jaxid.design.evaluation import Evaluation
@@ -54,7 +55,7 @@ def made(designs):
 def designed(designs, made, monkeypatch, tmp_path):
     """Runs jaxid design --force, which takes no time; the folder that it writes."""
     path, found = designs
-    monkeypatch.setattr(cli, "design_axis", lambda axis, *_: found[_duration(axis)])
+    monkeypatch.setattr(commands, "design_axis", lambda axis, *_: found[_duration(axis)])
     monkeypatch.setattr(DesignResult, "files", lambda one: made[_duration(one.axis)])
     monkeypatch.setattr(DesignResult, "text", lambda one: "")
     out = tmp_path / "slide"
@@ -159,11 +160,11 @@ def test_of_two_logs_for_one_folder_one_is_kept_and_told(identified, monkeypatch
 
     def second(*given):
         with monkeypatch.context() as patched:
-            patched.setattr(cli, "identify_axis", once)
+            patched.setattr(commands, "identify_axis", once)
             cli.main(arguments)
         return once(*given)
 
-    monkeypatch.setattr(cli, "identify_axis", second)
+    monkeypatch.setattr(commands, "identify_axis", second)
     with pytest.raises(SystemExit) as stopped:
         cli.main(arguments)
     assert stopped.value.code == 1
@@ -171,13 +172,13 @@ def test_of_two_logs_for_one_folder_one_is_kept_and_told(identified, monkeypatch
     assert re.search(r"run/result.json, .* already exist; .*another run finished first", said.err)
     assert said.out.count("hold provided that:") == 2  # what took long is told all the same
     assert said.out.count("Wrote to") == 1
-    monkeypatch.setattr(cli, "identify_axis", once)
+    monkeypatch.setattr(commands, "identify_axis", once)
     cli.main([*arguments, "--force"])
 
 
 def test_a_manifest_says_what_was_typed_and_read(identified, monkeypatch, tmp_path):
     folder, once = identified
-    monkeypatch.setattr(cli, "identify_axis", once)
+    monkeypatch.setattr(commands, "identify_axis", once)
     words = ["identify", str(folder / "axis.toml"), str(folder / "log.csv")]
     words += ["--out", str(tmp_path / "first run")]
     monkeypatch.setattr(sys, "argv", ["/usr/local/bin/jaxid", *words])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxid.io.log_file import Recorded
+from jaxid.io.recorded import Recorded
 from jaxid.io.segments import rows_used, steady_segments
 
 H, Q = 0.001, 1e-6

@@ -1,53 +1,24 @@
-"""The `jaxid` command: it parses arguments, calls the library and prints results."""
+"""The `jaxid` command: what can be typed, and its help.
+
+The library is imported when a command runs, so that help and mistakes are answered at once.
+"""
 
 import shlex
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from tqdm import tqdm
 
-from jaxid._checks import require
-from jaxid.axis.design import ALL, design_axis
-from jaxid.axis.design_result import DesignResult
-from jaxid.axis.file import Axis, Coordinate, example, read_axis
-from jaxid.axis.guide import guide_page
-from jaxid.axis.identify import IdentifyResult, identify_axis
-from jaxid.axis.prior import propose
-from jaxid.axis.result import Result, write
-from jaxid.axis.saved_designs import SavedDesign, designs_in, of_another_axis, read_design
-from jaxid.axis.simulate import simulate_axis
-from jaxid.axis.simulate_result import SimulateResult
-from jaxid.axis.sweep import BANDWIDTHS, FACTORS, forget_blocks, sweep_axis
-from jaxid.axis.sweep_result import SweepResult
-from jaxid.axis.tradeoff import tradeoff
-from jaxid.axis.tradeoff_result import TradeoffResult
-from jaxid.axis.wording import in_words_of_files
-from jaxid.io.files import write_bytes
-from jaxid.io.log_file import Columns, read_log
-from jaxid.io.manifest import sha256_of
-from jaxid.io.results import require_writable
-from jaxid.runtime import configure, connect, processors
-from jaxid.search.effort import Effort
+from jaxid.axis.defaults import ALL, BANDWIDTHS, FACTORS
+from jaxid.axis.texts import example, guide_page
 
-_QUICK = Effort(
-    starts=16,
-    generations=10,
-    rounds=0,
-    finalists=1,
-    searches=1,
-    predicted_smoothings=(1e-3, 1e-4),
-)
 INCONSISTENT = 3  # exit code
 _DESCRIPTION = (
     "Optimal experiments and guaranteed parameter intervals for machine axes. The pages of `jaxid "
     "guide` explain every step. Exit codes: 0 success, 1 invalid input, 2 usage error, 3 log "
     "inconsistent with the model, 130 interrupted."
 )
-EFFORTS = {"usual": Effort(), "quick": _QUICK}
-
 AxisFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="AXIS")]
 LogFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
 DesignFolder = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DESIGN")]
@@ -69,7 +40,9 @@ def guide(page: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PAGE
     print(guide_page(page), end="")
 
 
-def init(axis: AxisFile, coordinate: Coordinate = "linear", force: bool = False) -> None:
+def init(
+    axis: AxisFile, coordinate: Literal["linear", "rotary"] = "linear", force: bool = False
+) -> None:
     """Write an example axis file with comments, to be edited.
 
     Example: jaxid init slide.toml
@@ -79,7 +52,10 @@ def init(axis: AxisFile, coordinate: Coordinate = "linear", force: bool = False)
         coordinate: kind of axis: linear (m) or rotary (rad).
         force: overwrite an existing file.
     """
-    require(force or not axis.exists(), f"{axis} already exists; use --force to overwrite.")
+    if axis.exists() and not force:
+        raise ValueError(f"{axis} already exists; use --force to overwrite.")
+    from jaxid.io.files import write_bytes
+
     write_bytes(axis, example(coordinate).encode())
     words = shlex.join(["jaxid", "design", str(axis), "--out", str(axis.with_suffix(""))])
     print(f"Wrote {axis}. Edit it to describe your axis, then run: {words}")
@@ -95,8 +71,10 @@ def prior(axis: AxisFile, log: LogFile, run_python: bool = False) -> None:
         log: log file: CSV, MAT or HDF5.
         run_python: run the Python module that the axis file names.
     """
-    known = read_axis(axis, run_python=run_python)
-    print(propose(known, read_log(log, _columns(axis, known))).text())
+    known = _read(axis, run_python)
+    from jaxid.axis import commands
+
+    commands.prior(known, axis, log)
 
 
 def design(
@@ -130,20 +108,12 @@ def design(
         force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
-    require(target, "--target must be a parameter name, all or wanted, but is empty.")
-    known = read_axis(axis, run_python=run_python)
-    target = tuple(dict.fromkeys(target))
-    times = tuple(dict.fromkeys(durations)) or (known.task.intervals * known.task.period,)
-    several = len(target) * len(times) > 1
-    names = (TradeoffResult if several else DesignResult).names
-    require_writable(out, names, replace=force)
-    with tqdm(bar_format="{desc} ({elapsed})") as line:
-        search = seed, EFFORTS[effort], line.set_description
-        if several:
-            result = TradeoffResult(tradeoff(known, target, times, out, *search, replace=force))
-        else:
-            result = DesignResult(design_axis(known.lasting(times[0]), target[0], *search))
-    _finish(out, result, force)
+    if not target:
+        raise ValueError("--target must be a parameter name, all or wanted, but is empty.")
+    known = _read(axis, run_python)
+    from jaxid.axis import commands
+
+    commands.design(known, out, target, durations, seed, effort, force=force)
 
 
 def simulate(
@@ -168,13 +138,10 @@ def simulate(
         force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
-    known = read_axis(axis, run_python=run_python)
-    saved = read_design(design, known.system.coordinate)
-    require_writable(design, SimulateResult.names, replace=force)
-    with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
-        found = simulate_axis(known, saved.motion, plants, logs, seed, line.set_description)
-    _tell_changed(axis, [saved], known)
-    _finish(design, SimulateResult(found, saved.part.digest), force)
+    known = _read(axis, run_python)
+    from jaxid.axis import commands
+
+    commands.simulate(known, axis, design, plants, logs, seed, force=force)
 
 
 def sweep(
@@ -202,26 +169,14 @@ def sweep(
         force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
+    from jaxid.runtime import configure, connect, processors
+
+    configure()
     connect(processors())
-    known = read_axis(axis, run_python=run_python)
-    saved = designs_in(design, known.system.coordinate)
-    require_writable(design, SweepResult.names, replace=force)
-    with tqdm(unit="block") as line:
+    known = _read(axis, run_python)
+    from jaxid.axis import commands
 
-        def tell(done: int, total: int) -> None:
-            line.total = total
-            line.update(done - line.n)
-
-        found = sweep_axis(known, saved, bandwidths, factors, plants, seed, tell)
-    if found is None:  # another process has all of it
-        return
-    _tell_changed(axis, saved.designs.values(), known)
-    try:
-        _finish(design, SweepResult(found), force)
-    except ValueError:  # another run has written its result: these blocks are of no more use
-        forget_blocks(design)
-        raise
-    forget_blocks(design)
+    commands.sweep(known, axis, design, bandwidths, factors, plants, seed, force=force)
 
 
 def identify(
@@ -243,13 +198,10 @@ def identify(
         force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
-    require_writable(out, IdentifyResult.names, replace=force)
-    known = read_axis(axis, run_python=run_python)
-    recorded = read_log(log, _columns(axis, known))
-    with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
-        found = identify_axis(known, recorded, line.set_description)
-    _finish(out, IdentifyResult(found, sha256_of(log)), force)
-    if found.result is None:
+    known = _read(axis, run_python)
+    from jaxid.axis import commands
+
+    if not commands.identify(known, axis, log, out, force=force):
         raise SystemExit(INCONSISTENT)
 
 
@@ -265,7 +217,6 @@ def main(arguments: list[str] | None = None) -> None:
     Raises:
         SystemExit: with the exit code, if the command fails or only prints its help.
     """
-    configure()
     try:
         tyro.extras.subcommand_cli_from_dict(
             {
@@ -290,6 +241,8 @@ def main(arguments: list[str] | None = None) -> None:
         )
         raise SystemExit(1) from None
     except (ValueError, OSError) as error:
+        from jaxid.axis.wording import in_words_of_files
+
         print(f"jaxid: {in_words_of_files(str(error))}", file=sys.stderr)
         raise SystemExit(1) from None
     except KeyboardInterrupt:
@@ -297,25 +250,10 @@ def main(arguments: list[str] | None = None) -> None:
         raise SystemExit(130) from None
 
 
-def _columns(path: Path, axis: Axis) -> Columns:
-    if axis.columns is None:
-        raise ValueError(
-            f"File {path} has no table [log]. Add one that names the columns of position and "
-            "input; the file that `jaxid init` writes has an example."
-        )
-    return axis.columns
+def _read(path: Path, run_python: bool):
+    """Return the axis of a file, before the rest of the library is imported."""
+    from jaxid.axis.file import read_axis
+    from jaxid.runtime import configure
 
-
-def _tell_changed(path: Path, designs: Iterable[SavedDesign], axis: Axis) -> None:
-    """Print which motions were designed for another axis file."""
-    for folder in of_another_axis(designs, axis):
-        print(f"Warning: {path} has changed since the design in {folder} was made.")
-
-
-def _finish(folder: Path, result: Result, replace: bool) -> None:
-    """Write a result and print it, even if it cannot be written: it may have taken long."""
-    try:
-        write(folder, result, replace=replace)
-    finally:
-        print(result.text())
-    print(f"Wrote to {folder}: {', '.join(result.names)}")
+    configure()
+    return read_axis(path, run_python=run_python)

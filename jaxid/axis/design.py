@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
+from jaxid.axis.defaults import ALL
 from jaxid.axis.file import Axis
 from jaxid.design.evaluation import Evaluation, evaluate
 from jaxid.design.nominal_log import nominal_log
@@ -21,7 +22,6 @@ from jaxid.regression.lower_bound import LowerBound, lower_bound
 from jaxid.search.effort import Effort
 from jaxid.search.problem import Report
 
-ALL = "all"  # parameters at once, each error relative to its lower bound
 WANTED = "wanted"  # parameters of [wanted], each error relative to its accuracy
 FACTORS = (0.5, 2.0)  # of δ, for which predicted errors are reported too
 

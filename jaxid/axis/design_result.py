@@ -12,7 +12,8 @@ import numpy as np
 
 from jaxid._checks import require
 from jaxid._text import at_least
-from jaxid.axis.design import ALL, FACTORS, WANTED, AxisDesign, lead_in, played
+from jaxid.axis.defaults import ALL
+from jaxid.axis.design import FACTORS, WANTED, AxisDesign, lead_in, played
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import Result
 from jaxid.axis.summaries import DesignedParameter, DesignSummary

@@ -10,7 +10,6 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -21,10 +20,10 @@ import msgspec
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
-from jaxid.axis.schema import AxisTables, Coordinate, whole
+from jaxid.axis.schema import AxisTables, whole
 from jaxid.axis.wording import in_words_of_files
 from jaxid.axis.wrong_entry import explained
-from jaxid.io.log_file import Columns
+from jaxid.io.recorded import Columns
 from jaxid.loop.controllers import Controller
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
@@ -117,15 +116,6 @@ def read_axis(path: Path | str, *, run_python: bool = False) -> Axis:
         raise ValueError(f"File {path}: its entries are nested too deeply.") from None
     except (msgspec.DecodeError, UnicodeDecodeError, ValueError) as error:
         raise ValueError(f"File {path}: {in_words_of_files(str(error))}") from None
-
-
-def example(coordinate: Coordinate) -> str:
-    """Return the text of an example axis file, with comments.
-
-    Args:
-        coordinate: "linear" (m) or "rotary" (rad).
-    """
-    return (resources.files("jaxid.axis") / "templates" / f"{coordinate}.toml").read_text()
 
 
 def _axis(tables: AxisTables, system: System, digest: str) -> Axis:

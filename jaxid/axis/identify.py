@@ -22,7 +22,7 @@ from jaxid.identification.least_squares import LeastSquaresFit, fit_least_square
 from jaxid.identification.residuals import Residuals, residuals
 from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes
-from jaxid.io.log_file import Recorded
+from jaxid.io.recorded import Recorded
 from jaxid.io.segments import Segment, rows_used, steady_segments
 from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System

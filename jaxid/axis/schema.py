@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import msgspec
 from jaxtyping import Array, Float
 
-from jaxid.io.log_file import Column, Columns
+from jaxid.io.recorded import Column, Columns
 from jaxid.loop.controllers import ARC, Controller, PDFeedforward
 from jaxid.model.disturbance_bound import ConstantBound, DisturbanceBound, SpeedBand
 from jaxid.model.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Sine, Spring, Viscous

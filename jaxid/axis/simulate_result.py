@@ -16,7 +16,8 @@ from jaxid.axis.summaries import SimulatedHalfWidth, SimulatedLimit, SimulationS
 from jaxid.identification.assumptions import assumptions
 from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes
-from jaxid.io.log_file import Columns, log_bytes
+from jaxid.io.log_file import log_bytes
+from jaxid.io.recorded import Columns
 
 _DEFAULT = Columns("position", "input", "time")  # of a log, if the axis file names none
 

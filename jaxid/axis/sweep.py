@@ -17,6 +17,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
+from jaxid.axis.defaults import BANDWIDTHS, FACTORS
 from jaxid.axis.design import played
 from jaxid.axis.file import Axis
 from jaxid.axis.saved_designs import SavedDesign, SavedDesigns
@@ -27,9 +28,6 @@ from jaxid.runtime import processors
 from jaxid.sweep import blocks
 from jaxid.sweep.dataset import Labels, labelled
 from jaxid.sweep.grid import Grid, Swept, grid, item
-
-BANDWIDTHS = (30.0, 100.0, 300.0, 1000.0, 3000.0)  # rad/s
-FACTORS = (0.5, 1.0, 2.0)  # of the gains
 
 
 class Sweep(NamedTuple):

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
 
 import h5py
 import numpy as np
@@ -12,48 +11,13 @@ from jaxtyping import Float
 from scipy.io import loadmat
 
 from jaxid._checks import require
+from jaxid.io.recorded import Column, Columns, Recorded
 from jaxid.loop.log import Log
 
 _CHUNK = 1_000_000  # rows of a CSV file that are in memory as text at a time
 _HEAD = 200  # lines, at most, before the first row of numbers
 _BLANKS = r"\s+"
 _COMMENTS = ("#", "%")  # marks with which header lines may begin, the line of names too
-
-Column = str | int
-
-
-class Columns(NamedTuple):
-    """The columns of a log file, each by its name or its number from 1 on, with their units.
-
-    Attributes:
-        position: column of the position of the axis.
-        input: column of the input as the servo commanded it.
-        time: column of the time; default none, for rows that are one sample period apart.
-        position_unit: m or rad per unit of the position column.
-        input_unit: unit of the axis' input per unit of the input column.
-        time_unit: s per unit of the time column.
-    """
-
-    position: Column
-    input: Column
-    time: Column | None = None
-    position_unit: float = 1.0
-    input_unit: float = 1.0
-    time_unit: float = 1.0
-
-
-class Recorded(NamedTuple):
-    """The n rows of a log file; a value that is missing in the file is NaN.
-
-    Attributes:
-        time: time, s, shape (n,); None if the file has no such column.
-        position: position, m or rad, shape (n,).
-        input: input, in the unit of the axis' input, shape (n,).
-    """
-
-    time: Float[np.ndarray, " n"] | None
-    position: Float[np.ndarray, " n"]
-    input: Float[np.ndarray, " n"]
 
 
 def read_log(path: Path | str, columns: Columns) -> Recorded:

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from jaxid._checks import require
 from jaxid._text import quantity
-from jaxid.io.log_file import Recorded
+from jaxid.io.recorded import Recorded
 from jaxid.loop.log import JITTER, Log, filled
 
 _LEAST = 4  # smallest number of samples of a segment

@@ -1,8 +1,7 @@
-"""The pages of the guide, which are Markdown files of the package."""
+"""Texts that come with the package: the pages of the guide, and example axis files."""
 
 from importlib import resources
-
-from jaxid._checks import require
+from typing import Literal
 
 _FIRST = "index"
 
@@ -22,5 +21,17 @@ def guide_page(name: str = "") -> str:
         if file.is_file()
     }
     page, names = name or _FIRST, ", ".join(sorted(files))
-    require(page in files, f"The guide has no page {page!r}; its pages are {names}.")
+    if page not in files:
+        raise ValueError(f"The guide has no page {page!r}; its pages are {names}.")
     return files[page].read_text(encoding="utf-8")
+
+
+def example(coordinate: Literal["linear", "rotary"]) -> str:
+    """Return the text of an example axis file, with comments.
+
+    Args:
+        coordinate: "linear" (m) or "rotary" (rad).
+    """
+    return (resources.files("jaxid.axis") / "templates" / f"{coordinate}.toml").read_text(
+        encoding="utf-8"
+    )
