@@ -203,6 +203,11 @@ def reference(
             repeats still follow one another without a pause, and the last state is held at the end.
         repeats: number of times that the motion is run.
     """
+    return _reference(trajectory, jnp.asarray(period), ticks, repeats)
+
+
+@eqx.filter_jit
+def _reference(trajectory: JerkTrajectory, period: Scalar, ticks: int, repeats: int) -> States:
     once = trajectory.states(jnp.arange(ticks) * period)
     return States(*map(ticks_of(trajectory, period, ticks, repeats).repeated, once))
 
