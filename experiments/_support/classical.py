@@ -1,4 +1,4 @@
-"""Criteria of classical experimental design: functions of the information alone."""
+"""Criteria of classical experimental design: functions of the information matrix alone."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,11 +14,11 @@ from jaxid.motion.trajectory import JerkTrajectory
 
 
 class InformationCriterion(Criterion):
-    """A classical criterion of a motion, for a design.
+    """A classical criterion for the design of a motion: D-, A- or E-optimality.
 
     Attributes:
-        system: with its δ and regressors.
-        criterion: D, A or E, as of `Information`.
+        system: system with its regressors and disturbance bound δ.
+        criterion: D, A or E, see `Information`.
     """
 
     system: System
@@ -36,17 +36,18 @@ class InformationCriterion(Criterion):
 
 
 class Information(eqx.Module):
-    """Log of a size of the covariance that Δ would leave were it white noise of deviation δ.
+    """The log of the size of the least-squares covariance, if Δ were white noise of deviation δ.
 
-    Parameters are relative to the prior box, so that their units do not matter. Free: the whole
-    motion, which is sought for this criterion; of several, the best by what it guarantees counts.
+    Parameters are relative to the prior box, so that their units do not matter. The whole motion is
+    free: it is searched for this criterion, and the best of several such motions is the one with
+    the smallest predicted half-widths.
 
     Attributes:
-        system: with its δ and regressors.
-        criterion: D, the mean log axis of the ellipsoid; A, the sum of the variances; E, the
-            longest axis.
-        speed: over which jumps are spread at smoothing 1, m/s or rad/s.
-        nodes: of the midpoint rule, per interval of the motion.
+        system: system with its regressors and disturbance bound δ.
+        criterion: D for the mean log axis of the error ellipsoid, A for the sum of the variances, E
+            for the longest axis of the ellipsoid.
+        speed: speed over which jumps are spread at smoothing 1, m/s or rad/s.
+        nodes: number of nodes of the midpoint rule per interval of the motion.
     """
 
     system: System
@@ -61,7 +62,7 @@ class Information(eqx.Module):
         )
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-        """Jumps are also spread over the speed that changes from node to node."""
+        """Return the log of the size; jumps are also spread over the speed change between nodes."""
         states, weights = trajectory.midpoints(self.nodes)
         step = jnp.abs(states.acceleration) * weights / 2
         rows = rows_of(smoothed(self.system, smoothing * self.speed + step), states, weights)

@@ -1,4 +1,4 @@
-"""What motions are worth, as rows of tables: one per motion and parameter."""
+"""Tables of evaluated motions, with one row per motion and parameter."""
 
 from collections.abc import Mapping
 
@@ -10,12 +10,14 @@ WORTH = ("J_lse", "predicted", "lower_bound", "gap")  # columns
 
 
 def rows_of(worth: Mapping[str, Evaluation], label: str, names: tuple[str, ...]) -> list[Row]:
-    """Errors, lower bound, and gap = predicted / lower bound − 1.
+    """Return table rows with errors, lower bound and optimality gap of each motion and parameter.
+
+    The gap is predicted / lower bound − 1.
 
     Args:
-        worth: of each motion, by what it is called.
-        label: the column for that.
-        names: of the parameters.
+        worth: evaluation of each motion, by the name of the motion.
+        label: column for the name of the motion.
+        names: names of the parameters.
     """
     return [
         {label: motion, "parameter": name, **dict(zip(WORTH, numbers, strict=True))}

@@ -1,4 +1,4 @@
-"""What the example axes have in common: their motions as files, one run of each, the tables."""
+"""Shared code of the example axes: motions as files, tables, and pictures of intervals."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,10 +25,10 @@ class Example(Toys):
     """Options of an example.
 
     Attributes:
-        out: the folder that the table, the figure and the motions are written to.
-        seed: of all searches.
+        out: folder for the table, the figure and the motions.
+        seed: seed of all searches.
         redraw: use the motions in `out` instead of searching.
-        toy: search hardly at all: only shows that everything runs.
+        toy: run with minimal effort, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -38,18 +38,18 @@ class Example(Toys):
 
     @property
     def quick(self) -> Effort:
-        """Of one short search."""
+        """The effort of one short search."""
         return TOY if self.toy else Effort(starts=32, rounds=0, searches=1)
 
     def motions(
         self, axis: str, searches: Mapping[str, Callable[[], JerkTrajectory]], coordinate: str
     ) -> dict[str, JerkTrajectory]:
-        """Those in the files of an axis, which are searched for before unless it is redrawn.
+        """Return the motions in the files of an axis; search them first unless `redraw` is set.
 
         Args:
-            axis: what the names of its files begin with.
-            searches: by the names of the motions.
-            coordinate: of the axis.
+            axis: prefix of the file names.
+            searches: function that searches a motion, by the name of the motion.
+            coordinate: coordinate of the axis, linear or rotary.
         """
         paths = {name: self.named(f"{axis}_{name}.csv") for name in searches}
         if not self.redraw:
@@ -59,7 +59,7 @@ class Example(Toys):
 
 
 def interval_rows(axis: System, truth: Sequence[float], proved: Estimate) -> list[Row]:
-    """Of every parameter, beside the truth."""
+    """Return one table row per parameter: its guaranteed interval and its true value."""
     ends = zip(truth, proved.lower.tolist(), proved.upper.tolist(), strict=True)
     return [
         {"parameter": name, "theta_true": true, "lower": lower, "upper": upper}
@@ -68,7 +68,7 @@ def interval_rows(axis: System, truth: Sequence[float], proved: Estimate) -> lis
 
 
 def save_table(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
-    """Write it and print it."""
+    """Write a table to a file, and print it."""
     write_table(path, columns, rows)
     print(plots.text_table(columns, [[row[c] for c in columns] for row in rows]), end="\n\n")
 
@@ -80,14 +80,14 @@ def draw_intervals(
     found: Mapping[str, Estimate],
     truth: Sequence[float],
 ) -> None:
-    """Intervals beside the prior box and the truth, and one legend below all panels.
+    """Draw guaranteed intervals, the prior box, the true parameters and a legend of all panels.
 
     Args:
-        canvas: of the panel.
-        panel: to draw on.
-        axis: whose parameters are drawn: the first ones of every estimate.
-        found: by the names of the bars.
-        truth: of these parameters, at least.
+        canvas: figure that contains the panel.
+        panel: panel to draw on.
+        axis: system whose parameters are drawn; they come first in every estimate.
+        found: estimates, by the labels of their bars.
+        truth: true values of these parameters, possibly followed by others.
     """
     m, centre, half = len(axis.names), np.asarray(axis.centre), np.asarray(axis.half_widths)
 

@@ -1,10 +1,10 @@
-"""Excitations of textbooks as motions: a family each, with its free parameters.
+"""Textbook excitations as motions: one family each, with its free parameters.
 
-Each is an acceleration over time, faded in and out as fast as the jerk allows, sampled at the knots
-of the jerk and projected onto the boundary conditions like every other motion. All but the last are
-added to a move there and back, and it is free where between two of them: the one that is farthest
-from all limits, and the one that spends most of its time at top speed. The numbers z that a search
-varies are of order one.
+Each family defines an acceleration over time, faded in and out as fast as the jerk limit allows. It
+is sampled at the knots of the jerk and projected onto the boundary conditions, like every other
+motion. All families but the last are added to a move there and back. One free parameter
+interpolates between two such moves: the one with the largest margin to all limits, and the one that
+spends most of its time at top speed. The free parameters z that a search varies are of order one.
 """
 
 import abc
@@ -22,38 +22,38 @@ from jaxid.motion.trajectory import JerkTrajectory
 Numbers = Float[Array, " d"]
 Knots = Float[Array, " knots"]
 
-_HIGHEST = 15.0  # Hz, of a first or last frequency: the jerk limit leaves a quarter of a_max there
-# of a register of five stages with feedback from the third: every pattern of five but one
+_HIGHEST = 15.0  # Hz, highest first or last frequency: there the jerk limit permits a_max/4
+# a shift register of five stages with feedback from the third: it takes every state but one
 _REGISTER, _LENGTH = 5, 31
 
 
 class Excitation(eqx.Module):
-    """A family of motions.
+    """Base class of families of motions with free parameters z.
 
     Attributes:
-        space: that every member is projected onto.
-        moves: the jerk of both moves, m/s³.
-        peak: what amplitude one means, m/s².
-        edge: how long it takes from minus one to one, as a share of the duration.
+        space: motion space onto which every member is projected.
+        moves: jerk of the two moves there and back, m/s³, shape (2, n).
+        peak: acceleration at amplitude one, m/s².
+        edge: shortest time from amplitude −1 to 1, as a share of the duration.
     """
 
     space: MotionSpace
     moves: Float[Array, "2 n"]
     peak: Scalar = eqx.field(converter=jnp.asarray)
     edge: Scalar = eqx.field(converter=jnp.asarray)
-    size: ClassVar[int]  # how many numbers
+    size: ClassVar[int]  # number of free parameters
 
     @abc.abstractmethod
     def acceleration(self, z: Numbers, phase: Knots) -> Knots:
-        """In peaks, at times from 0 to 1."""
+        """Return the acceleration in units of `peak`, at times given as shares of the duration."""
 
     @property
     def duration(self) -> Scalar:
-        """Of the motions, s."""
+        """The duration of the motions, s."""
         return jnp.sum(self.space.durations)
 
     def trajectory(self, z: Numbers) -> JerkTrajectory:
-        """The member with these numbers."""
+        """Return the motion with the free parameters z."""
         durations = self.space.durations
         times = jnp.concatenate([jnp.zeros(1), jnp.cumsum(durations)])
         phase = times / self.duration
@@ -63,12 +63,12 @@ class Excitation(eqx.Module):
         return self.space.trajectory(self.space.coordinates(jerk))
 
     def move(self, z: Scalar) -> Float[Array, " n"]:
-        """The jerk that is added, by the last number."""
+        """Return the jerk of the move that is added, m/s³, for the last free parameter."""
         gentle, fast = self.moves
         return gentle + jax.nn.sigmoid(z) * (fast - gentle)
 
     def cycles(self, z: Scalar) -> Scalar:
-        """Of a whole motion: more than one, and fewer than those of the highest frequency."""
+        """Return the number of cycles per motion: between one and that of the highest frequency."""
         share = jax.nn.sigmoid(2.0 * z)
         return (_HIGHEST * self.duration) ** share
 
@@ -76,7 +76,7 @@ class Excitation(eqx.Module):
 class Chirp(Excitation):
     """A sine whose frequency and amplitude change in proportion to time.
 
-    Free: first and last frequency, first and last amplitude, phase, move.
+    Free parameters: first and last frequency, first and last amplitude, phase, move.
     """
 
     size = 6
@@ -90,7 +90,8 @@ class Chirp(Excitation):
 class Multisine(Excitation):
     """Eight harmonics of equal amplitude.
 
-    Free: base frequency, amplitude, eight phases (Schroeder's and all others), move.
+    Free parameters: base frequency, amplitude, eight phases (Schroeder's phases are one choice of
+    them), move.
     """
 
     size = 11
@@ -104,7 +105,7 @@ class Multisine(Excitation):
 class Fourier(Excitation):
     """A finite Fourier series (J. Swevers et al., "Optimal robot excitation", 1997).
 
-    Free: base frequency, eight coefficients each of sines and cosines, move.
+    Free parameters: base frequency, eight coefficients each of sines and cosines, move.
     """
 
     size = 18
@@ -116,9 +117,10 @@ class Fourier(Excitation):
 
 
 class PRBS(Excitation):
-    """A pseudo-random binary sequence of length 31, at full amplitude as steep as the jerk allows.
+    """A pseudo-random binary sequence of length 31.
 
-    Free: clock period, where in the sequence it begins, amplitude, mean, move.
+    At full amplitude its edges are as steep as the jerk limit allows. Free parameters: clock
+    period, start within the sequence, amplitude, mean, move.
     """
 
     size = 5
@@ -135,9 +137,10 @@ class PRBS(Excitation):
 
 
 class BangBang(Excitation):
-    """Full acceleration to one side and the other, at its fullest as steep as the jerk allows.
+    """Full acceleration in alternating directions, with free switching times.
 
-    Free: eleven switching times, the two levels. It moves there and back by itself.
+    At full acceleration its edges are as steep as the jerk limit allows. Free parameters: the two
+    levels and eleven switching times. It moves there and back by itself, so no move is added.
     """
 
     size = 14
@@ -154,7 +157,7 @@ class BangBang(Excitation):
 
 
 def _register() -> list[float]:
-    """One period of the sequence, as ±1."""
+    """Return one period of the sequence, as ±1."""
     state, bits = [1.0] * _REGISTER, []
     for _ in range(_LENGTH):
         bits.append(state[-1])

@@ -1,7 +1,7 @@
-"""The best member of a family of motions, sought as hard as any design is.
+"""Search for the best member of a family of motions, with the same effort as for a design.
 
-The same descent, from as many starts and by as many evaluations, and then the same kind of polish:
-linear programs in a trust region, on the numbers of the family.
+It uses the same descent, from as many starts and with as many evaluations, and then the same kind
+of refinement: linear programs in a trust region, in the free parameters of the family.
 """
 
 from collections.abc import Sequence
@@ -22,16 +22,16 @@ from jaxid.search.problem import Problem
 from jaxid.search.restoration import restored
 from jaxid.search.slp import Point, TrustRegion, Vector, improvements
 
-_SMOOTHING = 1e-3  # where starts are compared
-_CHOSEN = 128  # of the starts that are descended from
+_SMOOTHING = 1e-3  # smoothing of the objective at which starts are compared
+_CHOSEN = 128  # starts that are selected for the descent
 
 
 class Budget(NamedTuple):
-    """How long to search.
+    """The effort of a search.
 
     Attributes:
-        starts: motions to begin with.
-        evaluations: of the objective in all.
+        starts: number of motions to start from.
+        evaluations: total number of evaluations of the objective.
     """
 
     starts: int
@@ -46,19 +46,19 @@ def best_members(
     budget: Budget,
     count: int,
 ) -> list[Numbers]:
-    """The numbers of the best few, each walked back into the limits.
+    """Return the free parameters of the best members, compared after restoration to the limits.
 
     Args:
-        problem: to solve.
-        inside: a strictly admissible motion.
-        family: of motions.
-        key: of the starts.
-        budget: for starts and descent.
-        count: how many to return.
+        problem: problem to solve.
+        inside: motion with a margin to all limits, for the restoration.
+        family: family of motions.
+        key: JAX key of the random starts.
+        budget: effort for starts and descent.
+        count: number of members to return.
     """
     z = jax.random.normal(key, (budget.starts, family.size))
     z = z[jnp.argsort(_merits(problem, family, z))[:_CHOSEN]]
-    # the worse half is given up twice
+    # the descent drops the worse half of the members twice
     steps = -(-(budget.evaluations - budget.starts) // (_CHOSEN + _CHOSEN // 2 + _CHOSEN // 4))
     z = descend(problem, family, z, 3, steps)
     return list(z[jnp.argsort(_values(problem, inside, family, z))[:count]])
@@ -72,15 +72,15 @@ def polished_member(
     programs: int,
     smoothings: Sequence[float],
 ) -> tuple[Numbers, JerkTrajectory]:
-    """Improve one member; of those on the way, walked back into the limits, the best.
+    """Improve one member; return the best one on the way, and its motion restored to the limits.
 
     Args:
-        problem: its objective smoothed, its limits kept exactly by what is returned.
-        inside: a strictly admissible motion.
-        family: of motions.
-        z: where to begin.
-        programs: linear programs, at most, per smoothing.
-        smoothings: of the objective, one after the other.
+        problem: problem whose objective is smoothed; the returned motion keeps its limits exactly.
+        inside: motion with a margin to all limits, for the restoration.
+        family: family of motions.
+        z: free parameters to start from.
+        programs: largest number of linear programs per smoothing.
+        smoothings: smoothing parameters of the objective, in order.
     """
     region = TrustRegion(0.03, 1e-7, programs)
     best, found = z, restored(problem, inside, family.trajectory(z))
@@ -110,14 +110,14 @@ def _period(motion: JerkTrajectory) -> float:
 def _point(
     problem: Problem, inside: JerkTrajectory, family: Excitation, z: Numbers, smoothing: Scalar
 ) -> Point:
-    """Of a member: its value when walked back into the limits, and the slope without that."""
+    """Return the value of a member after restoration, and its gradient without restoration."""
     slope = _slope(problem, family, z, smoothing)
     value = _smoothed(problem, restored(problem, inside, family.trajectory(z)), smoothing)
     return Point(np.asarray(z), float(value), np.asarray(slope))
 
 
 def _of_numbers(limits: Inequalities, family: Excitation, z: Numbers) -> Inequalities:
-    """The limits, linear in the change of the numbers; end conditions hold for every member."""
+    """Return the limits, linearised in the free parameters; all members keep the end conditions."""
     jerk, slopes = (np.asarray(x) / limits.unit for x in _linearised(family, z))
     half = np.ptp(limits.jerk) / limits.unit / 2
     rows = np.vstack([limits.rows[~limits.fixed], np.eye(jerk.size) / half])

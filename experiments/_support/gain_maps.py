@@ -27,7 +27,7 @@ SIGN = "Change of $J_f$ in % (negative is better) when the design takes into acc
 
 
 def study(path: Path, rows: Sequence[tables.Row]) -> None:
-    """Draw table 6: durations by bandwidths, one row of panels per parameter."""
+    """Draw table 6: duration over filter bandwidth, one row of panels per parameter."""
     stages = list(CHANGES.items())[1:]
     names = [name for name in STUDIED if any(row["parameter"] == name for row in rows)]
     canvas, panels = plots.figure(len(names), len(stages), (9.5, 2.7 * len(names)))
@@ -48,7 +48,7 @@ def study(path: Path, rows: Sequence[tables.Row]) -> None:
 
 
 def harder(path: Path, rows: Sequence[tables.Row]) -> None:
-    """Draw table 7: settings by what the design takes into account, one panel per parameter."""
+    """Draw table 7: settings over what the design takes into account, one panel per parameter."""
     names = [name for name in STUDIED if any(row["parameter"] == name for row in rows)]
     canvas, panels = plots.figure(1, len(names), (10.5, 4.2))
     for panel, name in zip(panels, names, strict=True):
@@ -72,7 +72,7 @@ def _rounded(cells: Sequence[Sequence[tables.Value]]) -> plots.Array:
 
 
 def _ends(rows: Sequence[tables.Row], columns: Mapping[str, str]) -> tuple[float, float]:
-    """Return the lowest and highest value of some columns: the colours of all panels."""
+    """Return the lowest and highest value of some columns: the colour range of all panels."""
     values = _rounded([[row[column] for column in columns] for row in rows])
     return float(values.min()), float(values.max())
 

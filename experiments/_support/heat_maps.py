@@ -23,7 +23,7 @@ def draw(folder: Path, sweep: xr.Dataset) -> None:
 
 
 def bounds(folder: Path, sweep: xr.Dataset) -> None:
-    """J_f of each parameter on the motions designed for it, over the duration and the bandwidth."""
+    """Draw J_f of each parameter over duration and bandwidth, for the motions designed for it."""
     designs, columns = names(sweep.design), names(sweep.bandwidth)
     canvas, panels = plots.figure(len(designs), 1, (8.5, 2.4 * len(designs)))
     for panel, name in zip(panels, designs, strict=True):
@@ -41,12 +41,12 @@ def bounds(folder: Path, sweep: xr.Dataset) -> None:
 
 
 def errors(folder: Path, sweep: xr.Dataset) -> None:
-    """Largest true error as a share of J_f, over all bandwidths and the gains that are stable."""
+    """Draw the largest true error as a share of J_f, over all bandwidths and all stable gains."""
     designs = names(sweep.design)
     canvas, panels = plots.figure(1, len(designs), (10.0, 4.6))
     for panel, name in zip(panels, designs, strict=True):
         own = sweep.sel(design=name, parameter=name).dropna("horizon")
-        # ∞/∞ of a loop that diverged is NaN, which the maximum passes over
+        # a diverged loop gives ∞/∞ = NaN, which the maximum ignores
         worst = (own.error / own.bound).max(["bandwidth", "gains"])
         percent = 100 * worst.transpose("scenario", "horizon").values
         rows = names(own.scenario) if panel is panels[0] else [""] * own.scenario.size
@@ -60,7 +60,7 @@ def errors(folder: Path, sweep: xr.Dataset) -> None:
 
 
 def tracking(folder: Path, sweep: xr.Dataset) -> None:
-    """Peak tracking error and input over gains and scenarios, at most over all motions."""
+    """Draw the peak tracking error and the peak input of all motions, over gains and scenarios."""
     canvas, (above, below) = plots.figure(2, 1, (8.5, 8.5))
     rows, columns, motions = names(sweep.gains), names(sweep.scenario), ["design", "horizon"]
     error = 1e6 * sweep.tracking_error.max(motions).transpose("gains", "scenario").values

@@ -1,4 +1,4 @@
-"""The paper's identification on a sampled, quantised log: (28) as printed, and repaired."""
+"""The paper's identification from a sampled, quantised log: (28) as printed, and corrected."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -16,11 +16,12 @@ def differenced_record(
     position: Float[Array, " n+1"],
     period: Scalar | float,
 ) -> Record:
-    """The Record that the paper's identification makes of a log, with differences for derivatives.
+    """Return the record of a log by the paper's identification, with differences as derivatives.
 
-    Tick k has the measured velocity (y_{k+1} − y_k)/h, its mean, and for its mean acceleration the
-    backward difference of those velocities, which lags by half a tick. Quantisation, that lag and
-    S_f and δ taken at the measured velocity are *not* in the bound δ: no guarantee follows.
+    Row k has the measured velocity (y_{k+1} − y_k)/h, which is the mean of sample period k. Its
+    acceleration is the backward difference of these velocities, which lags by half a sample period.
+    The bound δ does *not* account for quantisation, for this lag, or for S_f and δ being evaluated
+    at the measured velocity, so no guarantee follows.
     """
     velocity = jnp.diff(position, prepend=position[:1]) / period
     states = States(position[1:], velocity[1:], jnp.diff(velocity) / period)
@@ -34,24 +35,25 @@ def printed_record(
     bandwidth: Scalar | float,
     period: Scalar | float,
 ) -> Record:
-    """(28) as printed, on a log: w·(ẏ − ẏ_f) for the acceleration, ẏ by backward differences.
+    """Return the record of a log by (28) as printed, with backward differences for ẏ.
 
-    The difference is the velocity of half a tick ago, so w·(ẏ − ẏ_f) is too large by about
-    w·period/2, 10 % at w = 1000 rad/s and 0.2 ms: the estimate of the inertia is that much too low,
-    outside its own bound (29) whatever the disturbance. `differenced_record`, filtered, has no such
-    error, but quantisation and the rest of its docstring stay.
+    The acceleration is w·(ẏ − ẏ_f). The difference is the velocity of half a sample period ago, so
+    w·(ẏ − ẏ_f) is too large by about w·period/2: 10 % at w = 1000 rad/s and 0.2 ms. The estimate of
+    the inertia is too small by as much, outside its own bound (29) whatever the disturbance. The
+    filtered `differenced_record` does not have this error, but still has the other ones that its
+    docstring lists.
 
     Args:
-        system: for its regressors and δ.
-        input: as commanded, one value per tick.
-        position: as logged, one instant more.
-        bandwidth: w of H_f in rad/s.
-        period: of the ticks, s.
+        system: system with its regressors and disturbance bound δ.
+        input: commanded input, one value per sample.
+        position: logged position, one sample more than the input.
+        bandwidth: bandwidth w of H_f, rad/s.
+        period: sample period, s.
     """
     velocity = jnp.diff(position, prepend=position[:1])[:-1] / period
 
     def so_far(column: Float[Array, " n"]) -> Float[Array, " n"]:
-        """What the filter holds at the start of each tick."""
+        """Return the output of the filter at the start of each sample period."""
         return jnp.append(0.0, low_pass(column, bandwidth, period)[:-1])
 
     states = States(position[:-1], velocity, jnp.zeros_like(velocity))

@@ -1,4 +1,4 @@
-"""Long work in pieces, each kept as soon as it is done: a run that stopped goes on from there."""
+"""Long computations in pieces that are saved one by one, so that a stopped run can continue."""
 
 import hashlib
 import io
@@ -21,23 +21,23 @@ Arrays = Mapping[str, np.ndarray]
 
 
 class Pieces(NamedTuple):
-    """Finished pieces of work, one file each, that is whole or not there.
+    """The finished pieces of a computation, one file each, which is either complete or absent.
 
     Attributes:
-        folder: of the files. Its name holds a digest of what they were made from, so that pieces
-            of other options, inputs or code are never mixed with these.
+        folder: folder of the files. Its name contains a digest of options, inputs and code, so that
+            pieces of different runs are never mixed.
     """
 
     folder: Path
 
     @classmethod
     def of(cls, path: Path, asked: object, inputs: Iterable[Path] = ()) -> "Pieces":
-        """The pieces of one run.
+        """Return the pieces of one run.
 
         Args:
-            path: of the final result, beside which they are kept.
-            asked: all options that the pieces depend on; its `repr` tells them apart.
-            inputs: files that they are made from.
+            path: file of the final result; the pieces are saved in a folder beside it.
+            asked: all options that the pieces depend on; its `repr` identifies them.
+            inputs: files that the pieces are computed from.
         """
         digest = hashlib.sha256(repr(asked).encode())
         for package in (jaxid, experiments):
@@ -51,17 +51,17 @@ class Pieces(NamedTuple):
         return cls(path.with_name(f"{path.stem}_{digest.hexdigest()[:16]}.pieces"))
 
     def path(self, name: str) -> Path:
-        """The file of a piece."""
+        """Return the file of a piece."""
         return self.folder / f"{name}.npz"
 
     def save(self, name: str, arrays: Arrays) -> None:
-        """Keep a piece."""
+        """Save a piece."""
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **arrays)
         write_bytes(self.path(name), buffer.getvalue())
 
     def load(self, name: str) -> dict[str, np.ndarray]:
-        """A piece that was kept."""
+        """Return a saved piece."""
         with np.load(self.path(name)) as archive:
             return dict(archive)
 
@@ -72,13 +72,14 @@ class Pieces(NamedTuple):
         processes: int,
         label: str,
     ) -> list[dict[str, np.ndarray]]:
-        """All pieces in order, after those that are missing were made.
+        """Compute the missing pieces, and return all pieces in order.
 
         Args:
-            names: of all pieces.
-            make: a piece from its name; a function that other processes can import.
-            processes: how many make pieces side by side; the pieces do not depend on it.
-            label: of the progress bar.
+            names: names of all pieces.
+            make: function that computes a piece from its name, and that other processes can import.
+            processes: number of processes that compute pieces in parallel; the pieces do not depend
+                on it.
+            label: label of the progress bar.
         """
         missing = [name for name in names if not self.path(name).exists()]
         made = each(partial(_keep, self, make), missing, processes)
@@ -87,7 +88,7 @@ class Pieces(NamedTuple):
         return [self.load(name) for name in names]
 
     def discard(self) -> None:
-        """Delete them, once the result is written."""
+        """Delete all pieces, once the result is written."""
         shutil.rmtree(self.folder)
 
 

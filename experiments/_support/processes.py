@@ -1,4 +1,4 @@
-"""Work shared by processes of one processor each."""
+"""Parallel work in several processes, each on its own processor."""
 
 import multiprocessing
 import os
@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 
 @contextmanager
 def pool(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that share nothing but what they compile."""
+    """Yield a pool of processes that share only the cache of compiled code."""
     context = multiprocessing.get_context("spawn")
     arguments = (context.Value("i", 0),)
     with ProcessPoolExecutor(processes, context, _begin, arguments) as workers:
@@ -32,11 +32,12 @@ def pool(processes: int) -> Iterator[ProcessPoolExecutor]:
 def chained(
     step: Callable[[Item, Result | None], Result], chains: Sequence[Sequence[Item]], processes: int
 ) -> Iterator[Result]:
-    """The results of all items as they come; each is given that of the item before in its chain.
+    """Yield the results of all items as they are completed, item after item within each chain.
 
-    They do not depend on how many processes share the work. No more chains are under way than there
-    are processes. If one fails, the others' items under way are still returned, and nothing new is
-    begun.
+    Each item receives the result of the item before it in its chain. The results do not depend on
+    the number of processes. No more chains are under way than there are processes. If an item
+    fails, no new item is started, the items of other chains under way are still completed and
+    yielded, and then the error is raised.
     """
     if processes == 1:
         for chain in chains:
@@ -75,7 +76,7 @@ def chained(
 def each(
     function: Callable[[Item], Result], items: Sequence[Item], processes: int
 ) -> Iterator[Result]:
-    """The results as they come."""
+    """Yield the results of a function for all items, as they are completed."""
     yield from chained(partial(_alone, function), [[item] for item in items], processes)
 
 
@@ -84,32 +85,33 @@ def _alone(function: Callable[[Item], Result], item: Item, last: Result | None) 
 
 
 def processors() -> list[int]:
-    """Those that this process may use."""
+    """Return the processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return sorted(os.sched_getaffinity(0))
     return list(range(os.cpu_count() or 1))
 
 
 def pin(processor: int) -> None:
-    """Stay on one processor, where the system can be told so; before `configure`."""
+    """Bind this process to one processor, if the system allows it; call it before `configure`."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {processor})
 
 
 def make_room(most: int = 30_000) -> None:
-    """Drop what was compiled, once it takes about half of the mappings Linux gives a process.
+    """Clear the caches of compiled code once about half of the memory mappings are in use.
 
-    Each compiled function takes some of 65,530; without any left the compiler ends the process.
+    Linux gives a process 65,530 mappings, and each compiled function takes some of them. When none
+    is left, the compiler aborts the process.
 
     Args:
-        most: mappings that are left alone.
+        most: number of mappings up to which the caches are kept.
     """
     if _MAPPINGS.exists() and _MAPPINGS.read_bytes().count(b"\n") > most:
         jax.clear_caches()
 
 
 def _begin(counter: "Synchronized[int]") -> None:
-    """One processor per process: two searches side by side then take no longer than one."""
+    """Bind a worker to one processor: two searches in parallel then take no longer than one."""
     with counter.get_lock():
         pin(processors()[counter.value % len(processors())])
         counter.value += 1

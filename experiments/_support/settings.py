@@ -1,4 +1,4 @@
-"""The axes that a design through the closed loop is tried on: the study's, and harder ones."""
+"""The axes of the designs through the closed loop: the axis of the study, and harder ones."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from jaxid.model.system import System
 from jaxid.motion.acceleration_limit import acceleration_limit, acceleration_reach
 from jaxid.motion.limits import Limits
 
-# Weak: the axis is up to 7 % of its top speed and 14 mm off its motion.
+# With the weak gains, tracking errors reach 14 mm and 7 % of the top speed.
 GAINS = {
     "study": motor.ARC_GAINS,
     "provable": motor.PROVABLE_GAINS,
@@ -32,15 +32,15 @@ GAINS = {
 
 @dataclass(frozen=True)
 class Setting:
-    """What differs from the motor of the study.
+    """An axis that differs from the motor of the study.
 
     Attributes:
-        label: for tables.
+        label: name in tables.
         input: limit of |u|, V.
-        mass: times the interval of M.
-        bandwidth: of H_f, rad/s.
-        gains: of ARC, one of `GAINS`.
-        friction: of the nominal axis at low speed, V; within δ.
+        mass: factor on the prior interval of M.
+        bandwidth: bandwidth w of H_f, rad/s.
+        gains: gains of ARC, a key of `GAINS`.
+        friction: additional friction of the nominal axis at low speed, V; within δ.
     """
 
     label: str
@@ -51,22 +51,25 @@ class Setting:
     friction: float = 0.0
 
     def system(self) -> System:
-        """The model with its box."""
+        """Return the model with its prior box."""
         system = motor.system()
         return eqx.tree_at(
             lambda s: s.terms[0].interval, system, replace_fn=lambda x: x * self.mass
         )
 
     def controller(self) -> ARC:
-        """The law, which knows the box."""
+        """Return the controller, which knows the prior box."""
         return ARC(self.system(), **GAINS[self.gains])
 
     def limits(self) -> Limits:
-        """Of the axis itself: by the input it may be given, and no other limit of acceleration."""
+        """Return the limits of the axis itself, derived from its input limit.
+
+        There is no other limit of the acceleration.
+        """
         return self._limits(acceleration_reach)
 
     def limits_by_18(self) -> Limits:
-        """Of the desired motion, as the paper plans it."""
+        """Return the limits of the desired motion by (18), as planned in the paper."""
         return self._limits(acceleration_limit)
 
     def _limits(self, accelerations: Callable[..., Interval]) -> Limits:
@@ -77,19 +80,22 @@ class Setting:
 
     @property
     def planned_as_in_study(self) -> bool:
-        """Whether (18) asks for the motions of the study: neither box nor limits are others."""
+        """Whether (18) gives the motions of the study: prior box and limits are the same."""
         return self.input == STUDY.input and self.mass == STUDY.mass
 
     def nominal(self) -> Scenarios:
-        """The plant in the middle of the box."""
+        """Return the plant at the centre of the prior box."""
         system = self.system()
         return every(system, system.centre[None], [self._disturbance()])
 
     def plants(self, ticks: int) -> Scenarios:
-        """Every corner of the box: its own disturbance, cogging, an adversary, random forces.
+        """Return plants at every corner of the prior box, each with four kinds of disturbance.
+
+        The kinds are the disturbance of the setting, cogging with low-speed friction, a worst-case
+        disturbance, and random forces.
 
         Args:
-            ticks: of one motion.
+            ticks: number of sample periods of one motion.
         """
         kinds = [
             self._disturbance(),

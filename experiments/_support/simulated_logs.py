@@ -1,4 +1,4 @@
-"""Logs that random motors leave along the designs of the study, disturbed in every way."""
+"""Simulated logs of random motors on the motions of the study, with several disturbances."""
 
 import functools
 from pathlib import Path
@@ -29,21 +29,21 @@ from jaxid.loop.simulate import Plant
 from jaxid.motion.trajectory import JerkTrajectory, ticks
 
 MOTIONS = (ONE_MOTION, *STUDIED, INFINITY)
-# nothing, the motor's own, an independent force at every tick, and at the bound δ two adversaries:
-# one of the loop, one of the estimate of one parameter
+# no disturbance, that of the motor, an independent force in every sample period, and two worst-case
+# disturbances of magnitude δ: one against tracking, one against the estimate of one parameter
 KINDS = ("none", "cogging and friction", "random", "against the loop", "against an estimate")
-SUBSTEPS = 10  # of the plant in a servo period
+SUBSTEPS = 10  # Runge-Kutta steps of the plant per sample period
 
 
 class Scenario(NamedTuple):
-    """One motor on one motion.
+    """One simulated motor on one motion.
 
     Attributes:
-        motion: its place in `MOTIONS`.
-        kind: of disturbance, its place in `KINDS`.
-        target: the parameter whose estimate the last kind works against.
-        theta: the truth, shape (m,).
-        key: of the random force.
+        motion: index of the motion in `MOTIONS`.
+        kind: index of the kind of disturbance in `KINDS`.
+        target: index of the parameter whose estimate the last kind of disturbance acts against.
+        theta: true parameters, shape (m,).
+        key: JAX key of the random force.
     """
 
     motion: Int[Array, ""]
@@ -54,20 +54,26 @@ class Scenario(NamedTuple):
 
 
 class Motions(NamedTuple):
-    """The motions, stacked; for each the worst share of ±δ for the weights that it foresees."""
+    """The motions of `MOTIONS`, with the disturbances that are worst for the estimates from them.
+
+    Attributes:
+        trajectories: motions, stacked.
+        against: worst-case disturbance as a share ±1 of δ, one per sample, for the estimator
+            weights that are computed before the log.
+    """
 
     trajectories: JerkTrajectory
     against: Float[Array, "motions m ticks"]
 
 
 def paths(folder: Path) -> list[Path]:
-    """The files of `MOTIONS`."""
+    """Return the files of the motions in `MOTIONS`."""
     return [trajectory_path(folder, Cell(name, HORIZON)) for name in MOTIONS]
 
 
 @functools.cache
 def read_motions(folder: Path) -> Motions:
-    """Those of `MOTIONS`, from the files of the study; read once by a process."""
+    """Return the motions of `MOTIONS` from the files of the study; a process reads them once."""
     motions = [read_trajectory(path) for path in paths(folder)]
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *motions)
     return Motions(stacked, jnp.stack([_against(motion) for motion in motions]))
@@ -81,7 +87,7 @@ def _against(motion: JerkTrajectory) -> Float[Array, "m ticks"]:
 
 
 def mixed(seed: int, number: int) -> Scenario:
-    """One of a series: all motions and kinds in turn, θ anywhere in the box."""
+    """Return one scenario of a series: motions and kinds in turn, and random θ in the prior box."""
     system = motor.system()
     where, force = jax.random.split(jax.random.fold_in(jax.random.key(seed), number))
     share = jax.random.uniform(where, (len(system.names),))
@@ -92,14 +98,14 @@ def mixed(seed: int, number: int) -> Scenario:
 
 
 def usual(seed: int, number: int) -> Scenario:
-    """The one motion under cogging and friction, θ anywhere in the box."""
+    """Return one scenario of the motion for all parameters: cogging, friction, random θ."""
     scenario = mixed(seed, number)
     kind = jnp.asarray(KINDS.index("cogging and friction"))
     return scenario._replace(motion=jnp.zeros_like(scenario.motion), kind=kind)
 
 
 def logs(motions: Motions, scenarios: list[Scenario]) -> list[Log]:
-    """What the servo keeps of each; simulated together."""
+    """Return the logs of some scenarios, which are simulated together."""
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *scenarios)
     count = ticks(jax.tree.map(lambda x: x[0], motions.trajectories), motor.CONTROL_PERIOD)
     found = _logs(motions, stacked, count)

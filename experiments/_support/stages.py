@@ -1,7 +1,7 @@
-"""Five ways to design one experiment: by (18), for J*, for J_f, through the loop, for the worst.
+"""Five ways to design an experiment: by (18), for J*, J_f, the closed loop, the worst plant.
 
-All but the first keep the limits of the axis itself, for every plant of the setting, encoder
-included. The objectives see an exact sensor, because steps of an encoder have no slope.
+All but the first keep the limits of the axis itself, for every plant of the setting and with the
+encoder. The objectives assume an exact sensor, since an encoder cannot be differentiated.
 """
 
 import contextlib
@@ -31,22 +31,23 @@ from jaxid.search.problem import Design, Objective, Problem
 from jaxid.search.restoration import interior_motion
 
 Designs = Mapping[str, JerkTrajectory]
-_SEED = 0  # of the cold searches
-_COARSE = 0.001  # s: ticks of the cold search through the filter
-_MOST = 0.9  # of the ticks
-_SPARE = 1e-3  # half-widths of every limit
-# times what the encoder adds to the motion by (18): other designs needed 0.94 to 1.32
+_SEED = 0  # of the searches with random starts
+_COARSE = 0.001  # s: sample period of the search for J_f with random starts
+_MOST = 0.9  # share of the samples whose deviations are covered
+_SPARE = 1e-3  # half-widths: least margin to every limit
+# margin for the encoder, relative to its effect on the motion by (18): other designs needed factors
+# of 0.94 to 1.32
 _NOISE = 1.3
-_REPEATS, _SETTLED = 4, 5e-4  # refinements of one motion, and log J that is worth another
-_ROUNDS = 5  # of more and more room
-_EFFORT = Effort(newton_rounds=8, programs=20)  # of a refinement
+_REPEATS, _SETTLED = 4, 5e-4  # most further refinements; gain of log J that justifies one
+_ROUNDS = 5  # searches with increasing margins
+_EFFORT = Effort(newton_rounds=8, programs=20)  # effort of a refinement
 _TOY_EFFORT = Effort(newton_rounds=1, newton_steps=2, programs=2)
-_ACTIVE = 8  # plants in a search for the worst
-_NEAREST = 16  # plants whose limits a search keeps
+_ACTIVE = 8  # plants in the objective of a worst-case search
+_NEAREST = 16  # plants that a search keeps within their limits
 
 
 def by_18(case: Case, before: Designs) -> JerkTrajectory:
-    """The paper's way: J* under (18). The axis may leave its limits."""
+    """Return the motion of the paper: minimal J* within (18). The axis may exceed its limits."""
     if case.setting.planned_as_in_study:
         cell = Cell(case.parameter, case.horizon)
         return read_trajectory(trajectory_path(case.motions, cell))
@@ -54,9 +55,10 @@ def by_18(case: Case, before: Designs) -> JerkTrajectory:
 
 
 def two_stage(case: Case, before: Designs) -> JerkTrajectory:
-    """J*, then the experiment: from the design by (18), from a cold search, and from one for J_f.
+    """Return the motion of minimal J* that keeps the limits of the axis.
 
-    The last so that what `filter_aware` gains is not a better start.
+    The search starts from the design by (18), from a search with random starts for J*, and from one
+    for J_f. The last start ensures that the gain of `filter_aware` is not due to a better start.
     """
     paper, limits = before["by_18"], case.setting.limits()
     cold = _cold(case, limits, _still(case, paper))
@@ -64,9 +66,10 @@ def two_stage(case: Case, before: Designs) -> JerkTrajectory:
 
 
 def filter_aware(case: Case, before: Designs) -> JerkTrajectory:
-    """J_f of perfect tracking: from the two-stage design, and from a cold search of its own.
+    """Return the motion of minimal J_f for an axis that follows it exactly.
 
-    Or from the motion for another filter, where there is one.
+    The search starts from the two-stage design, and from the motion for another filter if there is
+    one, otherwise from a search with random starts.
     """
     other = before.get("filter_aware") or _cold_through_filter(case, before["by_18"])
     found = _refined(case, before["by_18"], case.aware(), before["two_stage"], other)
@@ -74,16 +77,20 @@ def filter_aware(case: Case, before: Designs) -> JerkTrajectory:
 
 
 def end_to_end(case: Case, before: Designs) -> JerkTrajectory:
-    """J_f of the nominal closed loop, from the better of the two before."""
+    """Return the motion of minimal J_f of the nominal closed loop.
+
+    The search starts from the better one of the two-stage and the filter-aware design.
+    """
     objective = case.through(case.setting.nominal())
     best = _least(objective, before["two_stage"], before["filter_aware"])
     return _least(objective, best, _refined(case, before["by_18"], objective, best))
 
 
 def robust(case: Case, before: Designs) -> JerkTrajectory:
-    """The worst J_f of all plants, from the best of those before.
+    """Return the motion of minimal worst-case J_f over all plants.
 
-    Few plants are ever the worst: only those are in the objective that come nearest to it.
+    The search starts from the best of the earlier designs. Few plants are ever the worst case, so
+    the objective contains only those that come nearest to it.
     """
     whole = case.through(case.plants)
     best = _least(whole, *(before[name] for name in ("two_stage", "filter_aware", "end_to_end")))
@@ -100,7 +107,7 @@ STAGES: dict[str, Callable[[Case, Designs], JerkTrajectory]] = {
     "robust": robust,
 }
 EFFORTS = (Effort(), _EFFORT, _ACTIVE, _NEAREST, _SEED, _NOISE, _REPEATS, _SETTLED)
-FILTERED = ("filter_aware", "end_to_end", "robust")  # those that know the filter
+FILTERED = ("filter_aware", "end_to_end", "robust")  # designs that depend on the filter
 
 
 def _cold(case: Case, limits: Limits, axis: FrozenLoop | None) -> JerkTrajectory:
@@ -123,9 +130,10 @@ def _task(case: Case, limits: Limits, axis: FrozenLoop | None) -> Task:
 
 
 def _still(case: Case, motion: JerkTrajectory) -> FrozenLoop:
-    """An axis for cold searches: what the real one adds to a motion at most ticks, at all times.
+    """Return an axis with constant deviations from the motion, for searches with random starts.
 
-    Or as much of it as leaves room for any motion: refinement sees what is really added.
+    The deviations cover 90 % of the samples of the simulated axis. They are reduced if no motion
+    would keep the limits otherwise; the refinement simulates the actual ones.
     """
     system, limits = case.setting.system(), case.setting.limits()
     added = freeze(case.axis(encoder()), limits, motion).added
@@ -133,7 +141,7 @@ def _still(case: Case, motion: JerkTrajectory) -> FrozenLoop:
     for share in (1.0, 0.7, 0.4):
         y, v, u = (share * margin for margin in usual[:3])
         axis = fixed_margins(system, 5 * case.intervals, (y, v, u, 0.0))
-        with contextlib.suppress(ValueError):  # no room
+        with contextlib.suppress(ValueError):  # no motion keeps the limits
             problem = case.problem(case.planned(), axis, jnp.zeros(3))
             interior_motion(problem, case.intervals, motor.KNOT_PERIOD)
             return axis
@@ -143,12 +151,13 @@ def _still(case: Case, motion: JerkTrajectory) -> FrozenLoop:
 def _refined(
     case: Case, by_18: JerkTrajectory, objective: Objective, *starts: JerkTrajectory
 ) -> JerkTrajectory:
-    """The best that is found from these starts.
+    """Return the best motion that is found from the given starts.
 
-    With an exact sensor and room for what the encoder adds, whose noise is another one for each
-    motion: a step cannot foresee it. And with the plants that come nearest to a limit. Both are
-    taken from the motion by (18), the same for all designs of a case; where with the encoder some
-    plant still leaves a limit, also from what was found, and the search goes on.
+    The search assumes an exact sensor and keeps a margin for the encoder, whose noise differs from
+    motion to motion, so that a step cannot predict it. It keeps the limits of the plants that come
+    nearest to a limit. Margin and plants are those of the motion by (18), the same for all designs
+    of a case. If some plant still exceeds a limit with the encoder, the search continues with those
+    of the motion found as well.
     """
     effort, repeats = (_TOY_EFFORT, 0) if case.toy else (_EFFORT, _REPEATS)
     seen = [_seen(case, by_18)]
@@ -176,9 +185,9 @@ def _refined(
 def _refinements(
     problem: Problem, start: JerkTrajectory, effort: Effort, repeats: int
 ) -> Iterator[Design]:
-    """Refined, and again at most `repeats` times while that gains what is worth a stage.
+    """Yield a refined motion, and up to `repeats` further refinements while the gain suffices.
 
-    What a later stage gains is then its objective's doing, not that of searching once more.
+    The gain of a later stage is then due to its objective, and not to one more search.
     """
     found = improve(problem, start, effort)
     yield found
@@ -190,7 +199,7 @@ def _refinements(
 
 
 def _seen(case: Case, motion: JerkTrajectory) -> tuple[jax.Array, jax.Array]:
-    """What the encoder adds on each side, and how near each plant comes to the nearest one's."""
+    """Return the effect of the encoder at each limit, and how near each plant comes to a limit."""
     exact, real = case.beyond(IdealSensor(), motion), case.beyond(encoder(), motion)
     noise = jnp.maximum(jnp.max(real, axis=0) - jnp.max(exact, axis=0), 0.0)
     return noise, jnp.max(exact - jnp.max(exact, axis=0), axis=1)

@@ -1,19 +1,19 @@
-"""Programs that can be tried at toy size, without touching what they keep."""
+"""Options of programs with a toy size, whose files never overwrite those of a full run."""
 
 from pathlib import Path
 
 
 class Toys:
-    """Options of a program that has a toy size, whose files have names of their own.
+    """Options of a program that has a toy size, with file names of its own.
 
     Attributes:
-        out: the folder of its files.
-        toy: run a tiny version that only shows that the program works.
+        out: folder of the files.
+        toy: run with minimal effort, only to show that everything works.
     """
 
     out: Path
     toy: bool
 
     def named(self, name: str) -> Path:
-        """A file; a toy's never takes the place of a real one."""
+        """Return the path of a file; a toy run uses other names and overwrites no full result."""
         return self.out / (f"toy_{name}" if self.toy else name)

@@ -1,10 +1,11 @@
-"""A cart on a linear motor with cogging: inside δ, or known but for its amplitude and phase.
+"""A cart on a linear motor: its cogging is part of δ, or a term with two unknown amplitudes.
 
     M ÿ + B ẏ + F_c S_f(ẏ) [+ C_s sin(2πy/pitch) + C_c cos(2πy/pitch)] + Δ = u
 
-All numbers are chosen. A data sheet would say of the cogging that it repeats every 30 mm and is 6 N
-at most, and both models rest on that: the first counts it to δ, the second has two amplitudes in
-its box. Each gets a motion of its own, and each reads the logs of both: cart.csv and cart.png.
+All numbers are chosen. A data sheet would state that the cogging repeats every 30 mm and is at most
+6 N, and both models rest on that: the first one includes the cogging in δ, the second one has its
+two amplitudes as parameters. A motion is designed for each model, and each model identifies the
+parameters from the logs of both motions: cart.csv and cart.png.
 """
 
 import math
@@ -41,16 +42,16 @@ from jaxid.regression.lower_bound import LowerBound
 from jaxid.runtime import configure
 
 PITCH = 0.03  # m
-COGGING, REST = 6.0, 1.5  # N, at most
-IN_DELTA, KNOWN = "in_delta", "known"  # the models, and the motions that are designed for them
+COGGING, REST = 6.0, 1.5  # N, bounds on the cogging and on the residual disturbance
+IN_DELTA, KNOWN = "in_delta", "known"  # the models and the motions designed for them
 DELTA = {IN_DELTA: COGGING + REST, KNOWN: REST}  # N
 TRUE_PARAMETERS = (3.8, 11.0, 7.5, 4.0, 3.0)  # kg, N s/m, N, N, N
-SHARED = 3  # parameters of both models
+SHARED = 3  # the first parameters, which both models have
 SERVO = jd.Servo(period=0.0005, resolution=1e-7)
-KNOTS = 300  # of the weights that refute a δ; on all rows they refute 1 to 3 % more
+KNOTS = 300  # weights for the smallest δ; with one per row it is 1 to 3 % larger
 COLUMNS = ("motion_for", "model", "delta_N", "smallest_delta_N", *PROVED, *WORTH)
 
-Pair = tuple[str, str]  # what a motion is for, and the model that reads its log
+Pair = tuple[str, str]  # the model of a motion's design, and the model that reads its log
 SHOWN: dict[str, Pair] = {
     "cogging in δ": (IN_DELTA, IN_DELTA),
     "known, same motion": (IN_DELTA, KNOWN),
@@ -59,12 +60,12 @@ SHOWN: dict[str, Pair] = {
 
 
 def in_delta(delta: float = DELTA[IN_DELTA]) -> jd.System:
-    """The cart whose cogging is part of δ, N."""
+    """Return the model of the cart whose disturbance bound δ, in N, includes the cogging."""
     return jd.System(_shared(), jd.ConstantBound(delta), "N")
 
 
 def known() -> jd.System:
-    """The cart whose cogging has two unknown parameters; δ is what else there is."""
+    """Return the model of the cart with two unknown cogging amplitudes; δ bounds the residual."""
     amplitude = (-COGGING, COGGING)
     cogging = (
         jd.Term("Cs", "N", amplitude, jd.Sine(pitch=PITCH)),
@@ -82,7 +83,10 @@ def _shared() -> tuple[jd.Term, ...]:
 
 
 def task() -> jd.Task:
-    """From rest to rest at 50 mm in 1.2 s; the same for both, by the input that cogging leaves."""
+    """Return the task of both models: from rest to rest at 50 mm in 1.2 s.
+
+    The acceleration limit is that of the second model, whose cogging takes a part of the input.
+    """
     box = {"position": (0.0, 0.3), "velocity": (-1.2, 1.2), "input": (-160.0, 160.0)}
     acceleration = jd.acceleration_limit(known(), **box)
     limits = jd.Limits(acceleration=acceleration, jerk=(-600.0, 600.0), **box)
@@ -92,14 +96,18 @@ def task() -> jd.Task:
 
 
 def controller() -> jd.PDFeedforward:
-    """Gains by hand, 60 rad/s; it knows the box, and nothing of the cogging."""
+    """Return a PD controller with feedforward, tuned by hand to a bandwidth of 60 rad/s.
+
+    It knows the centre of the prior box, and nothing of the cogging.
+    """
     return jd.PDFeedforward(in_delta(), in_delta().centre, kp=14_400.0, kd=340.0)
 
 
 def plant() -> jd.Plant:
-    """The simulated truth: 5 N of cogging, and in the rest a third harmonic and Stribeck friction.
+    """Return the simulated plant, with cogging, a third harmonic of it, and Stribeck friction.
 
-    That rest is 0.4 N and 0.9 N, together below 1.5 N.
+    The cogging is 5 N. The residual is the third harmonic of 0.4 N and the friction of 0.9 N,
+    together below 1.5 N.
     """
     harmonic = Cogging(PITCH, harmonics=[3.0], amplitudes=[0.4])
     friction = LowSpeedFriction(amplitude=0.9, speed=0.05)
@@ -107,12 +115,12 @@ def plant() -> jd.Plant:
 
 
 class Reading(NamedTuple):
-    """Of one log by one model.
+    """The results of one model from one log.
 
     Attributes:
-        smallest: δ that explains it, N.
-        worth: of its motion, before that was run.
-        proved: by the log.
+        smallest: lower bound on the δ that explains the log, N.
+        worth: evaluation of the motion before it is run.
+        proved: estimate with guaranteed intervals from the log.
     """
 
     smallest: float
@@ -121,7 +129,7 @@ class Reading(NamedTuple):
 
 
 def main(options: Example) -> None:
-    """Search, run, read, save, draw, print."""
+    """Design the motions, run them, identify the parameters, and write and print the results."""
     models = {IN_DELTA: in_delta(), KNOWN: known()}
     floors = {name: jd.lower_bound(axis, task().limits) for name, axis in models.items()}
     searches = {
@@ -150,7 +158,7 @@ def main(options: Example) -> None:
 
 
 def searched(options: Example, axis: jd.System, least: LowerBound) -> JerkTrajectory:
-    """For what a log can prove of the parameters that both models have."""
+    """Return the motion that is optimal for the predicted half-widths of the shared parameters."""
     shared = jnp.arange(len(axis.names)) < SHARED
     targets = jnp.where(shared, least.value, jnp.inf)
     key, effort = jax.random.key(options.seed), options.quick
@@ -159,7 +167,7 @@ def searched(options: Example, axis: jd.System, least: LowerBound) -> JerkTrajec
 
 
 def rows_read(motion_for: str, model: str, axis: jd.System, reading: Reading) -> list[Row]:
-    """For the table."""
+    """Return the table rows of one log and one model, one per parameter."""
     of_all: Row = {
         "motion_for": motion_for,
         "delta_N": DELTA[model],
@@ -171,16 +179,17 @@ def rows_read(motion_for: str, model: str, axis: jd.System, reading: Reading) ->
 
 
 def said(readings: Mapping[Pair, Reading]) -> list[str]:
-    """What was found, in sentences."""
+    """Return the results as sentences."""
     plain, same, own = (readings[pair] for pair in SHOWN.values())
     before, *after = (np.asarray(x.proved.half_widths)[:SHARED] for x in (plain, same, own))
     shares = [", ".join(f"{share:.0%}" for share in length / before) for length in after]
     names = ", ".join(in_delta().names)
     return [
-        f"Known, the cogging leaves {REST:g} N of {COGGING + REST:g} N to δ, and intervals of "
-        f"{names} that are {shares[0]} as long from the same log, {shares[1]} from its own.",
-        f"Not known, it takes a δ of {plain.smallest:.3g} N at least to explain that log, "
-        f"{plain.smallest / REST:.2g} times {REST:g} N: a model that left it out would be refused.",
+        f"As a known term, the cogging reduces δ from {COGGING + REST:g} N to {REST:g} N. The "
+        f"intervals of {names} are then {shares[0]} as long from the same log, and {shares[1]} as "
+        "long from the log of the motion designed for this model.",
+        f"A model without cogging needs a δ of at least {plain.smallest:.3g} N for that log, "
+        f"{plain.smallest / REST:.2g} times {REST:g} N: with {REST:g} N it is inconsistent.",
     ]
 
 

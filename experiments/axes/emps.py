@@ -1,12 +1,13 @@
-"""A real axis: the record of EMPS, an electro-mechanical positioning system, and what it proves.
+"""Guaranteed intervals from the record of a real axis, the positioning system EMPS.
 
 The record is that of A. Janot, M. Gautier and M. Brunot, "Data Set and Reference Models of EMPS",
-Workshop on Nonlinear System Identification Benchmarks, 2019. It is not part of this project: fetch
-`DATA_EMPS.mat` from there. Four laps of a carriage, 1 ms, an encoder of 50 nm; `vir` is in volts,
-the force is gtau·vir.
+Workshop on Nonlinear System Identification Benchmarks, 2019. It is not part of this project:
+download `DATA_EMPS.mat` from there. It contains four laps of a carriage, with a sample period of 1
+ms and an encoder of 50 nm. The input `vir` is in volts; the force is gtau·vir.
 
-How large δ is nobody knows. The rule, made before laps 3 and 4 were looked at: 1.25 times the
-smallest one that explains laps 1 and 2 row by row. Laps 3 and 4 may then falsify it.
+The true δ is unknown. The rule for choosing it was made before laps 3 and 4 were looked at: 1.25
+times the smallest δ that explains laps 1 and 2 row by row. Laps 3 and 4 may then be inconsistent
+with it.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -56,11 +57,11 @@ PERIOD, RESOLUTION, VOLTS = 0.001, 5e-8, 10.0
 LAP, LAPS = 6240, 4  # rows
 BOX = {"M": (50.0, 150.0), "Fv": (0.0, 500.0), "Fc": (0.0, 50.0), "offset": (-20.0, 20.0)}
 MARGIN = 1.25
-KNOTS = 1000  # of a lap: twice as many tighten the bounds of friction by 1 to 3 %, M and offset not
-_CUTOFF, _ORDER, _EDGE = 100.0, 4, 100  # Hz, of the low-pass; rows that it spoils at both ends
-# of the carriage in the record, and the voltage of its drive
+KNOTS = 1000  # per lap; twice as many tighten the bounds of friction by 1 to 3 %, no others
+_CUTOFF, _ORDER, _EDGE = 100.0, 4, 100  # Hz and order of the low-pass; rows to drop at each end
+# ranges of the carriage in the record, m and m/s
 POSITION, VELOCITY = (-0.005, 0.2464), (-0.1247, 0.1247)
-JERK, KNOT_PERIOD, INTERVALS = (-100.0, 100.0), 0.04, 156  # as long as a lap
+JERK, KNOT_PERIOD, INTERVALS = (-100.0, 100.0), 0.04, 156  # m/s³, s: as long as a lap
 COLUMNS = (
     "model", "rows", "delta_N", "parameter", "theta_hat", "bound", "lower", "upper", "published",
     "inside",
@@ -70,14 +71,15 @@ MOTIONS = ("motion", "parameter", "predicted", "lower_bound", "gap")
 
 @dataclass(frozen=True)
 class Emps(Toys):
-    """What the record of EMPS proves, and what a designed motion would.
+    """Guaranteed intervals from the record of EMPS, and predicted ones of a designed motion.
 
     Attributes:
-        data: DATA_EMPS.mat.
-        out: the folder of emps.csv, emps_motions.csv, emps.png and the designed motion.
-        seed: of the search.
+        data: file DATA_EMPS.mat.
+        out: folder for emps.csv, emps_motions.csv, emps.png and the designed motion.
+        seed: seed of the search.
         redraw: use the motion in `out` instead of searching.
-        toy: parts of the first laps, hardly searched: only shows that everything runs.
+        toy: use the first 400 rows of each lap and search with minimal effort, only to show that
+            everything works.
     """
 
     data: Path
@@ -88,15 +90,15 @@ class Emps(Toys):
 
 
 class Result(NamedTuple):
-    """Of one model.
+    """The results of one model.
 
     Attributes:
-        model: its name.
-        smallest: δ that explains laps 1 and 2, N.
-        system: with the δ that the rule makes of it.
-        later: what laps 3 and 4 need of that δ, as a factor; above 1 they falsify it.
-        laps: what each proves.
-        together: what all prove.
+        model: name of the model.
+        smallest: smallest δ that explains laps 1 and 2, N.
+        system: model with the δ that the rule gives.
+        later: factor of this δ that laps 3 and 4 need; above 1 they are inconsistent with it.
+        laps: estimates with guaranteed intervals from each lap alone.
+        together: estimate with guaranteed intervals from all laps together.
     """
 
     model: str
@@ -108,11 +110,11 @@ class Result(NamedTuple):
 
 
 def main(options: Emps) -> None:
-    """Fit, choose δ, identify lap by lap, design; save, draw, print."""
+    """Fit the record, choose δ, identify lap by lap, design a motion, and write the results."""
     recorded = read(options.data)
     fit = recipe(recorded)
     print(
-        "Least squares by the benchmark's recipe, and how far from the published values:",
+        "Least-squares estimates by the benchmark's method (deviation from the published values):",
         *(f"{name} {x:.6g} ({x / PUBLISHED[name] - 1:+.2%})" for name, x in fit.items()),
         sep="\n  ",
     )
@@ -131,17 +133,20 @@ def main(options: Emps) -> None:
 
 
 def read(path: Path) -> Recorded:
-    """The record, its input as a force."""
+    """Return the record, with its input as a force in N."""
     return read_log(path, Columns("qm", "vir", "t", input_unit=gain(path)))
 
 
 def gain(path: Path) -> float:
-    """Of the drive, N/V."""
+    """Return the gain of the drive, N/V."""
     return float(loadmat(path)["gtau"].item())
 
 
 def recipe(recorded: Recorded) -> dict[str, float]:
-    """Plain least squares: zero-phase low-pass, central differences, sign of the velocity."""
+    """Return plain least-squares estimates by the method of the benchmark.
+
+    It uses a zero-phase low-pass filter, central differences and the sign of the velocity.
+    """
     low_pass = butter(_ORDER, _CUTOFF, fs=1 / PERIOD)
     y = filtfilt(*low_pass, recorded.position)
     v = np.gradient(y, PERIOD)
@@ -152,11 +157,11 @@ def recipe(recorded: Recorded) -> dict[str, float]:
 
 
 def laps_of(recorded: Recorded, rows: int) -> list[Log]:
-    """The first rows of each lap; the last one is a little shorter."""
+    """Return a log of the first rows of each lap; the last lap is a little shorter."""
     found = []
     for k in range(LAPS):
         part = np.s_[k * LAP : k * LAP + rows]
-        assert recorded.time is not None  # EMPS has stamps
+        assert recorded.time is not None  # the record of EMPS has time stamps
         own = Recorded(recorded.time[part], recorded.position[part], recorded.input[part])
         (piece,) = steady_segments(own, PERIOD, RESOLUTION)
         found.append(piece.log)
@@ -164,7 +169,7 @@ def laps_of(recorded: Recorded, rows: int) -> list[Log]:
 
 
 def system(delta: float, friction: Regressor = Sign()) -> System:
-    """The model of the benchmark."""
+    """Return the model of the benchmark, for a disturbance bound δ in N."""
     regressors = (None, Viscous(), friction, Constant())
     units = ("kg", "N s/m", "N", "N")
     terms = zip(BOX, units, BOX.values(), regressors, strict=True)
@@ -172,7 +177,10 @@ def system(delta: float, friction: Regressor = Sign()) -> System:
 
 
 def by_direction(delta: float) -> System:
-    """Friction of its own forwards and backwards. An offset would be half of their difference."""
+    """Return the model with separate friction for each direction, for a disturbance bound δ in N.
+
+    It has no offset, which would be half of the difference between the directions.
+    """
     ways = ((name, forward) for name in ("Fv", "Fc") for forward in (True, False))
     parts = {"Fv": ("N s/m", Viscous()), "Fc": ("N", Sign())}
     terms = [
@@ -184,12 +192,12 @@ def by_direction(delta: float) -> System:
 
 
 def studied(name: str, model: Callable[[float], System], laps: Sequence[Log]) -> Result:
-    """By the rule.
+    """Return the results of one model, with δ chosen by the rule.
 
     Args:
-        name: of the model.
-        model: for a δ.
-        laps: of the record.
+        name: name of the model.
+        model: function that returns the model for a δ in N.
+        laps: logs of the laps of the record.
     """
     smallest = smallest_disturbance_factor(model(1.0), laps[:2])
     chosen = model(MARGIN * smallest)
@@ -200,7 +208,7 @@ def studied(name: str, model: Callable[[float], System], laps: Sequence[Log]) ->
 
 
 def rows_of(result: Result) -> Iterator[dict[str, Cell]]:
-    """For the table."""
+    """Yield the table rows of one model, one per lap and parameter."""
     names = result.system.names
     parts = [*(f"lap {k}" for k in range(1, LAPS + 1)), "all laps"]
     for part, found in zip(parts, [*result.laps, result.together], strict=True):
@@ -222,30 +230,32 @@ def rows_of(result: Result) -> Iterator[dict[str, Cell]]:
 
 
 def said(results: Sequence[Result]) -> Iterator[str]:
-    """What was found, in sentences."""
+    """Yield the results as sentences."""
     for result in results:
         common = jnp.min(jnp.stack([e.upper for e in result.laps]), axis=0) - jnp.max(
             jnp.stack([e.lower for e in result.laps]), axis=0
         )
         yield (
-            f"{result.model}: laps 1 and 2 need a δ of {result.smallest:.3g} N, so "
-            f"{MARGIN * result.smallest:.3g} N are counted with; laps 3 and 4 need "
-            f"{result.later:.3f} of that and {'falsify it' if result.later > 1 else 'agree'}. The "
-            f"intervals of all laps have {'something' if jnp.all(common >= 0) else 'NOTHING'} in "
-            "common."
+            f"{result.model}: laps 1 and 2 need a δ of at least {result.smallest:.3g} N, so δ is "
+            f"set to {MARGIN * result.smallest:.3g} N. Laps 3 and 4 need {result.later:.3f} times "
+            f"this δ and are {'inconsistent' if result.later > 1 else 'consistent'} with it. The "
+            f"intervals of the laps {'overlap' if jnp.all(common >= 0) else 'do NOT overlap'}."
         )
     one, two = (result.smallest for result in results)
     theta = dict(zip(results[1].system.names, results[1].together.theta.tolist(), strict=True))
     dry, viscous = (theta[f"{name}+"] - theta[f"{name}-"] for name in ("Fc", "Fv"))
     yield (
-        f"Friction by direction lowers the smallest δ by {1 - two / one:.0%}. What was an offset "
-        f"is then half of the difference of both directions, by θ̂ {dry / 2:.3g} N near rest and "
-        f"{(dry + viscous * VELOCITY[1]) / 2:.3g} N at full speed."
+        f"Separate friction for each direction lowers the smallest δ by {1 - two / one:.0%}. The "
+        "offset is then half of the difference between the directions: by the estimates, "
+        f"{dry / 2:.3g} N near rest and {(dry + viscous * VELOCITY[1]) / 2:.3g} N at full speed."
     )
 
 
 def compared(options: Emps, result: Result) -> Iterator[dict[str, Cell]]:
-    """Guaranteed errors of a lap of the record and of a designed motion as long."""
+    """Yield the errors guaranteed by a lap of the record and those predicted for a designed motion.
+
+    Both motions have the same duration.
+    """
     axis = result.system
     most = VOLTS * gain(options.data)
     box = {"position": POSITION, "velocity": VELOCITY, "input": (-most, most)}
@@ -266,7 +276,10 @@ def compared(options: Emps, result: Result) -> Iterator[dict[str, Cell]]:
 def designed(
     options: Emps, axis: System, limits: Limits, targets: Float[jax.Array, " m"]
 ) -> JerkTrajectory:
-    """For all parameters; a sign has no slope to search by, an arctangent as steep has."""
+    """Return a motion that is optimal for the predicted half-widths of all parameters.
+
+    The sign function has no gradient for the search, so a steep arctangent replaces it.
+    """
     delta = float(axis.disturbance_bound(jnp.zeros(()), jnp.zeros(())))
     smooth = system(delta, Coulomb(5000.0))
     ends = Boundary((0.0, 0.0, 0.0), (through((0.0, 0.0, 0.0), at=1.0),))

@@ -1,4 +1,4 @@
-"""A second axis, rotary and not symmetric: one link in the vertical plane, driven by a torque.
+"""A rotary axis with asymmetric limits: one link in the vertical plane, driven by a torque.
 
     J q̈ + B q̇ + F_c S_f(q̇) + G sin(q) + T₀ + Δ = u,     θ = [J, B, F_c, G, T₀]
 
@@ -24,7 +24,7 @@ TRUE_PARAMETERS = (0.052, 0.031, 0.118, 0.62, -0.02)  # kg m², N m s/rad, N m, 
 
 
 def system() -> System:
-    """The arm with its box Ω_θ and a disturbance bound of 60 mN m."""
+    """Return the model of the arm, with its prior box Ω_θ and a disturbance bound of 60 mN m."""
     return System(
         terms=(
             Term("J", "kg m²", (0.03, 0.08)),
@@ -40,7 +40,7 @@ def system() -> System:
 
 
 def limits() -> Limits:
-    """Stroke, speed, torque, the sharp (18), and a jerk limit."""
+    """Return the limits of position, velocity, torque and jerk, and acceleration limits (18)."""
     position, velocity, input = (-0.35, 1.75), (-5.0, 6.0), (-4.0, 5.0)
     return Limits(
         position=position,
@@ -52,22 +52,22 @@ def limits() -> Limits:
 
 
 def boundary() -> Boundary:
-    """Rest at 0 to rest at 0.2 rad, above 1.2 rad at 40 % of the time."""
+    """Return the boundary: rest at 0 to rest at 0.2 rad, above 1.2 rad at 40 % of the time."""
     free = float("inf")
     raised = Via(0.4, (1.2, -free, -free), (free, free, free))
     return Boundary(start=(0.0, 0.0, 0.0), vias=(raised, through((0.2, 0.0, 0.0), at=1.0)))
 
 
 def servo() -> Servo:
-    """The period and encoder that a log of the arm has."""
+    """Return the servo of the arm: the sample period and encoder of its logs."""
     return Servo(CONTROL_PERIOD, ENCODER_RESOLUTION)
 
 
 def controller() -> ARC:
-    """ARC with gains that were chosen by hand, knowing Ω_θ and δ but not the true parameters."""
+    """Return ARC with gains tuned by hand; it knows Ω_θ and δ but not the true parameters."""
     return ARC(system(), k1=60.0, k2=2.0, epsilon=0.3, gamma=(1e-3,) * 5)
 
 
 def plant() -> Plant:
-    """The simulated true arm: 50 mN m of Stribeck friction at low speed."""
+    """Return the simulated arm, with 50 mN m of Stribeck friction at low speed."""
     return Plant(system(), TRUE_PARAMETERS, LowSpeedFriction(amplitude=0.05, speed=0.2))

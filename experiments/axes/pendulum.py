@@ -1,10 +1,11 @@
-"""One's own axis and one's own objective in one file: a pendulum on the shaft of a motor.
+"""An example of a user-defined axis and objective: a pendulum on the shaft of a motor.
 
     J q̈ + B q̇ + F_c S_f(q̇) + G sin(q) + Δ = u,     θ = [J, B, F_c, G]
 
 All numbers are chosen: half a kilogram at the end of 40 cm, which hangs down at q = 0 and may swing
-to 160° on both sides. Three motions: for what a log can prove of all parameters, for the error of J
-by least squares, and for that and little heat in the motor: pendulum.csv and pendulum.png.
+to 160° on both sides. Three motions are designed: for the predicted half-widths of all parameters,
+for the least-squares error of J, and for that error together with little heat in the motor:
+pendulum.csv and pendulum.png.
 """
 
 from collections.abc import Mapping
@@ -37,16 +38,16 @@ from jaxid.regression.worst_case import infinity
 from jaxid.runtime import configure
 from jaxid.search.problem import Objective
 
-ALL, ERROR, COOL = "all", "J", "cool"  # the motions
+ALL, ERROR, COOL = "all", "J", "cool"  # names of the motions
 TRUE_PARAMETERS = (0.094, 0.035, 0.16, 1.92)  # kg m², N m s/rad, N m, N m
 SERVO = jd.Servo(period=0.001, resolution=1e-5)
-RATED = 1.5  # N m: the rms torque that the motor stands for ever
-PRICE = 0.2  # of the heat at that torque, in units of the log of an error
+RATED = 1.5  # N m: continuous (rms) torque of the motor
+PRICE = 0.2  # price of the heat at that torque, in units of the log of an error
 COLUMNS = ("motion", *PROVED, *WORTH, "heat")
 
 
 def system() -> jd.System:
-    """The pendulum with its box and a disturbance bound of 0.1 N m."""
+    """Return the model of the pendulum, with its prior box and a disturbance bound of 0.1 N m."""
     return jd.System(
         terms=(
             jd.Term("J", "kg m²", (0.06, 0.14)),
@@ -61,7 +62,7 @@ def system() -> jd.System:
 
 
 def task() -> jd.Task:
-    """From rest to rest, hanging down, in 2.5 s; the limits are hard."""
+    """Return the task: from rest to rest, hanging down, in 2.5 s, within hard limits."""
     box = {"position": (-2.8, 2.8), "velocity": (-9.0, 9.0), "input": (-7.0, 7.0)}
     acceleration = jd.acceleration_limit(system(), **box)
     limits = jd.Limits(acceleration=acceleration, jerk=(-400.0, 400.0), **box)
@@ -71,38 +72,44 @@ def task() -> jd.Task:
 
 
 def controller() -> jd.PDFeedforward:
-    """Gains by hand, 30 rad/s; it knows the box but not the true parameters."""
+    """Return a PD controller with feedforward, tuned by hand to a bandwidth of 30 rad/s.
+
+    It knows the centre of the prior box but not the true parameters.
+    """
     return jd.PDFeedforward(system(), system().centre, kp=90.0, kd=5.0)
 
 
 def plant() -> jd.Plant:
-    """The simulated truth: 80 mN m of Stribeck friction at low speed."""
+    """Return the simulated pendulum, with 80 mN m of Stribeck friction at low speed."""
     return jd.Plant(system(), TRUE_PARAMETERS, LowSpeedFriction(amplitude=0.08, speed=0.3))
 
 
 def error_and_heat(
     error: PlannedError, price: Scalar, motion: JerkTrajectory, smoothing: Scalar
 ) -> Scalar:
-    """The log of an error and a price on heat, as planned in the middle of the box."""
+    """Return the log of an error plus a price on heat, planned at the centre of the prior box."""
     states, seconds = motion.midpoints(error.nodes)
     torque = dot(error.system.regressors(*states), error.system.centre)
     return error(motion, smoothing) + price * heat(torque, seconds)
 
 
 def objective(price: float) -> Objective:
-    """One's own: the worst error of J, at a price. All prices share one compilation."""
+    """Return the user-defined objective: the log of the worst-case error of J plus a price on heat.
+
+    All prices share one compilation.
+    """
     only = infinity(jnp.array([1.0, jnp.inf, jnp.inf, jnp.inf]))
     error = PlannedError(system(), only, speed=task().limits.velocity[1])
     return Partial(error_and_heat, error, jnp.asarray(price))
 
 
 def heat(torque: jax.Array, seconds: jax.Array | None = None) -> Scalar:
-    """Of the windings, as a share of what they stand for ever."""
+    """Return the heat in the windings, relative to that at the continuous torque of the motor."""
     return jnp.average(torque**2, weights=seconds) / RATED**2
 
 
 def main(options: Example) -> None:
-    """Search, evaluate, run, save, draw, print."""
+    """Design the motions, evaluate and run them, identify, and write and print the results."""
     axis, law, truth = system(), controller(), plant()
     least = jd.lower_bound(axis, task().limits)
     key, effort = jax.random.key(options.seed), options.quick
@@ -129,8 +136,8 @@ def main(options: Example) -> None:
     save_table(options.named("pendulum.csv"), COLUMNS, rows)
     rise = float(worth[COOL].least_squares[0] / worth[ERROR].least_squares[0]) - 1
     print(
-        f"With a price on heat the error of J by least squares is {rise:.1%} higher, and the heat "
-        f"{heats[COOL]:.2f} instead of {heats[ERROR]:.2f} times what the motor stands for ever.\n"
+        f"With a price on heat, the least-squares error of J is {rise:.1%} higher, and the heat is "
+        f"{heats[COOL]:.2f} instead of {heats[ERROR]:.2f} times that at the continuous torque.\n"
     )
     print("These intervals hold provided that:", *jd.assumptions(axis, logs[ALL]), sep="\n  ")
     draw(options.named("pendulum.png"), logs, proved)

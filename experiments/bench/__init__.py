@@ -1,1 +1,1 @@
-"""How fast is it, and compared with what? One module per question; `make bench` asks them all."""
+"""Benchmarks of the library, one module per question; `make bench` runs them all."""

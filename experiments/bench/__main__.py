@@ -1,4 +1,4 @@
-"""Ratios of times measured in the same run, beside their targets: printed, and left in a folder."""
+"""Run all benchmarks, and write and print ratios of times beside their targets."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -21,12 +21,13 @@ COLUMNS = ("question", "case", "quantity", "least", "median", "target", "met")
 
 @dataclass(frozen=True)
 class Bench:
-    """How fast is it, and compared with what?
+    """Times of the library, as ratios to those of C and CasADi.
 
     Attributes:
-        out: the folder of bench.csv.
-        repetitions: interleaved, of every action; the minimum counts, the median stands beside it.
-        toy: two repetitions of a few: only shows that everything runs.
+        out: folder for bench.csv.
+        repetitions: number of interleaved repetitions of every action; targets apply to the
+            minimum, and the median stands beside it.
+        toy: run a few benchmarks with two repetitions, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -35,7 +36,7 @@ class Bench:
 
 
 def main(bench: Bench) -> None:
-    """Ask, save, print."""
+    """Run the benchmarks, and write and print the table."""
     found = [answer for question in tqdm(asked(bench), "questions") for answer in question()]
     rows = [row(answer) for answer in found]
     write_table(bench.out / "bench.csv", COLUMNS, rows)
@@ -44,7 +45,7 @@ def main(bench: Bench) -> None:
 
 
 def asked(bench: Bench) -> list[Callable[[], list[Answer]]]:
-    """The questions in the order of the table. A toy starts no other process."""
+    """Return the benchmarks in the order of the table; a toy run starts no other process."""
     available, count = processors(), bench.repetitions
     pin(available[0])
     configure()
@@ -62,7 +63,7 @@ def asked(bench: Bench) -> list[Callable[[], list[Answer]]]:
 
 
 def row(answer: Answer) -> dict[str, Cell]:
-    """A line of the table."""
+    """Return the table row of an answer."""
     target = None if answer.target is None else "{} {:g}".format(*answer.target)
     values = (answer.least, answer.median, target, answer.met)
     named = (answer.question, answer.case, answer.quantity, *values)
@@ -70,7 +71,7 @@ def row(answer: Answer) -> dict[str, Cell]:
 
 
 def verdict(found: Sequence[Answer]) -> str:
-    """How many targets are met."""
+    """Return a sentence on how many targets are met, and a list of those missed."""
     judged = [answer for answer in found if answer.met is not None]
     missed = [f"{a.question}: {a.quantity} ({a.case})" for a in judged if not a.met]
     return "\n".join(
@@ -81,7 +82,10 @@ def verdict(found: Sequence[Answer]) -> str:
 
 
 def title() -> str:
-    """With the load: others on the same processors show in the medians first."""
+    """Return the title of the table, with the load of the machine.
+
+    Other programs on the same processors affect the medians first.
+    """
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
     return f"Ratios of times measured in this run, of minima and of medians; load {load}"
 

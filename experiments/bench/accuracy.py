@@ -1,4 +1,4 @@
-"""What does one step per tick cost in accuracy, and how many arctangents does it take?"""
+"""The accuracy of one integration step per sample period, and its number of arctangents."""
 
 import jax.numpy as jnp
 
@@ -15,11 +15,14 @@ from jaxid.regression.filters import filtered
 from jaxid.regression.worst_case import least_squares, worst_case_error
 
 QUESTION = "accuracy"
-FINE = 10  # substeps per tick
+FINE = 10  # integration steps per sample period
 
 
 def ask() -> list[Answer]:
-    """Against ten steps per tick, on the exact motor with its cogging and friction."""
+    """Return the errors of one step per sample period, compared with ten.
+
+    The plant is the simulated motor with its cogging and friction, with an exact sensor.
+    """
     (coarse, seen), (fine, truth) = run(1), run(FINE)
     errors = [error(record) for record in (coarse, fine)]
     far = jnp.max(jnp.abs(seen.position - truth.position[::FINE]))
@@ -32,13 +35,13 @@ def ask() -> list[Answer]:
 
 
 def run(substeps: int) -> tuple[Record, Signals]:
-    """Three motions, as in the study."""
+    """Return the record and signals of three repetitions of a motion, as in the study."""
     desired = reference(read_trajectory(MOTION), motor.CONTROL_PERIOD, TICKS, 3)
     controller, sensor = motor.controller(), IdealSensor()
     return simulate(motor.plant(), controller, sensor, desired, motor.CONTROL_PERIOD, substeps)
 
 
 def error(record: Record) -> float:
-    """J_f of the first parameter."""
+    """Return J_f of the first parameter."""
     rows = filtered(record, motor.BANDWIDTH, motor.CONTROL_PERIOD).rows
     return float(worst_case_error(least_squares(rows), rows.delta)[0])

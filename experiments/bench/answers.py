@@ -1,4 +1,4 @@
-"""One line of the table that `make bench` prints."""
+"""The rows of the table that `make bench` prints."""
 
 from typing import NamedTuple
 
@@ -6,15 +6,15 @@ from experiments.bench.timing import Ratio, Times, ratio
 
 
 class Answer(NamedTuple):
-    """A number beside its target.
+    """A benchmark result beside its target.
 
     Attributes:
-        question: the module that asks.
-        case: what was run.
-        quantity: what the number is.
-        least: from the minima of the interleaved repetitions.
-        median: from their medians; None where nothing was repeated.
-        target: to be met by `least`; None where the number is only reported.
+        question: name of the benchmark's module.
+        case: description of the case that was run.
+        quantity: name of the number, with its unit.
+        least: number from the minimum times of the interleaved repetitions.
+        median: number from the median times; None if nothing was repeated.
+        target: comparison and number that `least` is to meet; None if the number is only reported.
     """
 
     question: str
@@ -26,7 +26,7 @@ class Answer(NamedTuple):
 
     @property
     def met(self) -> bool | None:
-        """Whether the target is met."""
+        """Whether the target is met; None if there is no target."""
         if self.target is None:
             return None
         side, bound = self.target
@@ -37,7 +37,10 @@ AT_MOST, AT_LEAST = "<=", ">="
 
 
 def per_step(question: str, case: str, times: Times, steps: int) -> Answer:
-    """Nanoseconds per plant and tick: to look at, since they depend on the machine."""
+    """Return the nanoseconds per plant and sample period, without a target.
+
+    They depend on the machine.
+    """
     return Answer(
         question, case, "ns per step", 1e9 * times.least / steps, 1e9 * times.median / steps
     )
@@ -51,6 +54,6 @@ def compared(
     target: tuple[str, float] | None = None,
     scale: float = 1.0,
 ) -> Answer:
-    """`scale` times the first of two times over the second."""
+    """Return `scale` times the ratio of two times, with its target."""
     found: Ratio = ratio(*pair, scale)
     return Answer(question, case, quantity, found.least, found.median, target)

@@ -1,6 +1,6 @@
-"""How fast are many loops side by side on one processor, and how much faster on two?
+"""The speed of many closed loops in parallel on one processor, and the speed-up on two.
 
-Every lane is a plant with parameters of its own on a motion of its own, from the jerk to log J_f.
+Every lane is a plant with its own parameters on its own motion, from the jerk to log J_f.
 """
 
 import functools
@@ -19,12 +19,12 @@ from experiments.bench.remote import Remote
 from experiments.bench.timing import Action, interleaved
 
 QUESTION = "batches"
-_AGAIN = 25  # times that a loop is run by one of two processors before it is timed
+_AGAIN = 25  # runs of a loop per timed action, on two processors
 VECTOR = 8  # lanes of the vectorised loop.c: one register of AVX-512
 
 
 def ask(lanes: tuple[int, ...], repetitions: int) -> list[Answer]:
-    """Nanoseconds per plant and tick, and how they compare with loop.c."""
+    """Return the nanoseconds per plant and sample period, and their ratio to loop.c."""
     actions = {**jax_actions(lanes), **c_actions()}
     times = interleaved(actions, repetitions)
     counts = {name: int(name.split()[-1]) for name in times}
@@ -41,14 +41,14 @@ def ask(lanes: tuple[int, ...], repetitions: int) -> list[Answer]:
 
 
 def jax_actions(lanes: tuple[int, ...]) -> Mapping[str, Action]:
-    """`loop_error` under vmap."""
+    """Return `loop_error` under vmap, for each number of lanes."""
     value = jax.jit(jax.vmap(functools.partial(loop_error, repeats=1)))
     arguments = {count: plants(count) for count in lanes}
     return {f"jax, lanes {count}": lambda a=a: value(*a) for count, a in arguments.items()}
 
 
 def c_actions() -> dict[str, Action]:
-    """loop.c for one lane, and for a register of lanes."""
+    """Return loop.c for one lane, and for a vector register of lanes."""
     if compiled.compiler() is None:
         return {}
     found: dict[str, Action] = {}
@@ -63,13 +63,17 @@ def c_actions() -> dict[str, Action]:
 
 
 def plants(count: int) -> tuple[Float[Array, "lanes n"], Float[Array, "lanes m"]]:
-    """Jerks and parameters that differ a little from lane to lane."""
+    """Return jerks and parameters that differ slightly from lane to lane."""
     share = 1 - 0.1 * np.arange(count)[:, None] / count
     return jnp.asarray(share * motion()), jnp.asarray(share * np.asarray(nominal()))
 
 
 def _again_and_again(lanes: int) -> dict[str, Action]:
-    """A few milliseconds are too short for two processors: waking the second takes as long."""
+    """Return an action that repeats a loop.
+
+    A single loop of a few milliseconds is too short on two processors: waking up the second one
+    takes as long.
+    """
     ((name, action),) = jax_actions((lanes,)).items()
 
     def repeated() -> object:
@@ -79,7 +83,7 @@ def _again_and_again(lanes: int) -> dict[str, Action]:
 
 
 def ask_both(lanes: int, available: list[int], repetitions: int) -> list[Answer]:
-    """The same work on one processor and on two at once, in processes of their own."""
+    """Return the speed-up of the same work on two processors at once, each in its own process."""
     if len(available) < 2:
         return []
     make = functools.partial(_again_and_again, lanes)

@@ -1,4 +1,4 @@
-"""What the benchmarks compute: log J_f (29) of the motor's closed loop on a desired motion."""
+"""The benchmarked function: log J_f (29) of the motor's closed loop on a desired motion."""
 
 from typing import NamedTuple
 
@@ -17,23 +17,23 @@ from jaxid.model.regressors import Coulomb
 from jaxid.motion.trajectory import uniform
 from jaxid.regression.worst_case import individual
 
-# what a design through the closed loop would use half-way: corners of (29), and jumps in m/s
+# smoothing as half-way in a design through the closed loop: of corners of (29); of jumps, m/s
 SMOOTHING, BLEND = 0.001, 0.002
 TARGET = "M"
-PER_INTERVAL = round(motor.KNOT_PERIOD / motor.CONTROL_PERIOD)  # ticks
-INTERVALS = 60  # of the motion that is timed: N = 30
+PER_INTERVAL = round(motor.KNOT_PERIOD / motor.CONTROL_PERIOD)  # sample periods
+INTERVALS = 60  # intervals of the motion that is timed: N = 30
 TICKS = INTERVALS * PER_INTERVAL
 
 
 def loop_error(
     jerk: Float[Array, " n"], theta: Float[Array, " m"], repeats: int
 ) -> Float[Array, ""]:
-    """The library's objective: log of the smoothed J_f of TARGET, `repeats` motions back to back.
+    """Return the log of the smoothed J_f of TARGET, for `repeats` motions back to back.
 
     Args:
-        jerk: of each interval of the desired motion, m/s³, from rest at zero.
+        jerk: jerk of each interval of the desired motion, m/s³; it starts from rest at zero.
         theta: true parameters; there is no disturbance.
-        repeats: how often the motion is run.
+        repeats: number of times that the motion is run.
     """
     system, period = motor.system(), motor.CONTROL_PERIOD
     ticks = jerk.size * PER_INTERVAL
@@ -49,7 +49,7 @@ def loop_error(
 
 
 class Numbers(NamedTuple):
-    """The same loop for those who write it out: C and CasADi. Names as in loop.c."""
+    """The constants of the same closed loop for C and CasADi, with the names of loop.c."""
 
     beta: float
     slow: float
@@ -73,7 +73,7 @@ class Numbers(NamedTuple):
 
 
 def numbers(repeats: int, intervals: int = INTERVALS) -> Numbers:
-    """Of the motor and its controller, and of a motion of so many intervals."""
+    """Return the constants of the motor, its controller, and a motion of so many intervals."""
     system, arc = motor.system(), motor.controller()
     friction, delta = system.terms[2].regressor, system.disturbance_bound
     assert isinstance(friction, Coulomb)
@@ -103,5 +103,5 @@ def numbers(repeats: int, intervals: int = INTERVALS) -> Numbers:
 
 
 def nominal() -> Float[Array, " m"]:
-    """The parameters of the simulated axis where they do not matter: the centre of the box."""
+    """Return the centre of the prior box as the true parameters, where they do not matter."""
     return motor.system().centre

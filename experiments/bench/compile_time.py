@@ -1,4 +1,4 @@
-"""How long does the design step compile: once for all horizons, cold and from JAX's cache?"""
+"""Compilation times of the design step, once for all horizons, without and with JAX's cache."""
 
 import functools
 import multiprocessing
@@ -30,7 +30,13 @@ QUESTION = "compile_time"
 
 
 class Found(NamedTuple):
-    """Seconds until the first step of the first design is done, of all others, and traces."""
+    """Times until one descent step is done, compilation included.
+
+    Attributes:
+        first: time of the first design, s.
+        others: time of all other designs, s.
+        traces: number of times that the objective is traced for the other designs.
+    """
 
     first: float
     others: float
@@ -38,7 +44,7 @@ class Found(NamedTuple):
 
 
 class Traces:
-    """A counter that is equal to no other: part of what a compilation is found by."""
+    """A counter of traces that equals no other counter, so that no compiled code is shared."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -51,13 +57,13 @@ class Counted(eqx.Module):
     traces: Traces = eqx.field(static=True)
 
     def __call__(self, trajectory: JerkTrajectory, smoothing: Scalar) -> Scalar:
-        """The objective's value."""
+        """Return the value of the objective."""
         self.traces.count += 1
         return self.objective(trajectory, smoothing)
 
 
 def ask(horizons: tuple[int, ...]) -> list[Answer]:
-    """Two fresh processes: the first fills the cache that the second finds."""
+    """Return the times of two new processes: the first fills the cache that the second one uses."""
     with tempfile.TemporaryDirectory() as folder:
         cold, cached = (_in_a_process(functools.partial(steps, folder, horizons)) for _ in range(2))
     case = f"{len(horizons)} horizons, all parameters"
@@ -72,7 +78,7 @@ def ask(horizons: tuple[int, ...]) -> list[Answer]:
 
 
 def steps(folder: str, horizons: tuple[int, ...]) -> Found:
-    """One step of the default descent for every parameter and horizon, in a process of its own."""
+    """Return the times of one descent step for every parameter and horizon, in a new process."""
     pin(processors()[0])
     configure()
     jax.config.update("jax_compilation_cache_dir", folder)
@@ -89,7 +95,7 @@ def steps(folder: str, horizons: tuple[int, ...]) -> Found:
 
 
 def step(name: str, horizon: int, traces: Traces) -> None:
-    """What `design` repeats: a stage of the descent, padded to the longest horizon."""
+    """Run the step that a design repeats: a stage of the descent, padded to the longest horizon."""
     system, limits, boundary = motor.system(), motor.limits(), motor.boundary()
     norm = individual(system.index(name), len(system.names))
     speed = jnp.max(jnp.abs(limits.velocity))

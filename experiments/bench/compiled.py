@@ -1,4 +1,4 @@
-"""`loop.c` and CasADi's generated C as Python functions, compiled when they are asked for."""
+"""The C code of `loop.c` and of CasADi as Python functions, compiled on demand."""
 
 import ctypes
 import shutil
@@ -26,7 +26,7 @@ _M = 4
 
 
 class _Case(ctypes.Structure):
-    """`Case` of loop.c: the fields of `Numbers`, in their order."""
+    """The struct `Case` of loop.c, with the fields of `Numbers` in their order."""
 
     _fields_ = tuple(
         (name, ctypes.c_int if kind is int else ctypes.c_double * (_M if kind is not float else 1))
@@ -35,17 +35,17 @@ class _Case(ctypes.Structure):
 
 
 def compiler() -> str | None:
-    """The C compiler of this machine, if there is one."""
+    """Return the path of the C compiler of this machine, or None if there is none."""
     return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 
 def build(source: Path, library: Path, *flags: str) -> Path:
-    """Compile one file into a library."""
+    """Compile one C file into a shared library."""
     tool = compiler()
     assert tool is not None, "there is no C compiler"
     compiled = library.with_suffix(".o")
-    # apart, and linked without the flags: linked with -ffast-math, a library switches subnormal
-    # numbers off in the whole process that loads it
+    # compiled and linked separately, since a library linked with -ffast-math switches off subnormal
+    # numbers in the whole process that loads it
     for command in (
         [tool, *FLAGS, *flags, "-fPIC", "-c", str(source), "-o", str(compiled)],
         [tool, "-shared", str(compiled), "-o", str(library), "-lm"],
@@ -55,7 +55,7 @@ def build(source: Path, library: Path, *flags: str) -> Path:
 
 
 def loop_library(lanes: int = 1, *flags: str) -> ctypes.CDLL:
-    """loop.c for so many loops side by side, with the tableau of `jaxid.loop.simulate`."""
+    """Return loop.c for a number of parallel loops, with the tableau of `jaxid.loop.simulate`."""
     nodes, weights = (",".join(map(repr, x)) for x in (simulate.NODES, simulate.WEIGHTS))
     defined = (f"-DNODES={nodes}", f"-DWEIGHTS={weights}", f"-DSTAGES={len(simulate.NODES)}")
     with tempfile.TemporaryDirectory() as folder:
@@ -64,7 +64,7 @@ def loop_library(lanes: int = 1, *flags: str) -> ctypes.CDLL:
 
 
 class Loop:
-    """The loop by hand: `loop_error` of lanes, and for one lane its gradient."""
+    """The closed loop in hand-written C: `loop_error` of several lanes, or of one with gradient."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class Loop:
         *flags: str,
         intervals: int = closed_loop.INTERVALS,
     ) -> None:
-        """Compile; `flags` beyond -O3 -march=native must be named where times are shown."""
+        """Compile loop.c; `flags` beyond -O3 -march=native must be named where times are shown."""
         self._library = loop_library(lanes, *flags)
         numbers = closed_loop.numbers(repeats, intervals)
         self._case = ctypes.byref(_case(numbers))
@@ -85,7 +85,10 @@ class Loop:
             self._gradient = np.zeros(intervals)
 
     def value(self, jerk: Lanes | Vector, theta: Lanes | Vector) -> Callable[[], Vector]:
-        """Log J of every lane; the lane is the last axis of both arguments."""
+        """Return a function that computes log J of every lane.
+
+        The lane is the last axis of both arguments.
+        """
         arguments = [np.ascontiguousarray(x) for x in (jerk, theta)]
         pointers = [_pointer(x) for x in (*arguments, self._work, self._value)]
 
@@ -96,7 +99,7 @@ class Loop:
         return run
 
     def value_and_gradient(self, jerk: Vector, theta: Vector) -> Callable[[], tuple[float, Vector]]:
-        """Log J and its gradient in the jerk, of a single loop."""
+        """Return a function that computes log J of a single loop and its gradient in the jerk."""
         arguments = [np.ascontiguousarray(x) for x in (jerk, theta)]
         pointers = [_pointer(x) for x in (*arguments, self._work)]
         kept = self._kept.ctypes.data_as(ctypes.c_void_p)

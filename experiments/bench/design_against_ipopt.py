@@ -1,9 +1,10 @@
-"""Which search finds the better motion, and how soon: ours or IPOPT's best of ten starts?
+"""The design search compared with IPOPT's best of ten starts: J* and the time to reach it.
 
-Both searches of a cell run one after the other in one process that stays on one processor, and two
-such processes side by side. What is compiled before the first iteration is not counted: ours once
-per horizon (a shorter search comes before; padding would share one compilation, but then short
-motions take as long as long ones), IPOPT's functions once per cell.
+Both searches of a cell run one after the other in one process that is bound to one processor, and
+two such processes run in parallel. Compilation before the first iteration is not counted: that of
+the design search once per horizon (a shorter search runs first; padding would share one
+compilation, but then short motions take as long as long ones), that of IPOPT's functions once per
+cell.
 """
 
 import functools
@@ -41,11 +42,11 @@ from jaxid.search.initial_guesses import random_starts
 from jaxid.search.problem import Design, Problem
 from jaxid.search.restoration import restored
 
-STARTS = 10  # of IPOPT
-SEARCHES = 4  # of ours: together they take up to three times as long as IPOPT's ten starts
-# ours goes as far as IPOPT with its corners: with 1e-4 for the last, M at N = 30 stays 8e-7 above
+STARTS = 10  # starts of IPOPT
+SEARCHES = 4  # design searches: together they take up to three times as long as IPOPT's ten starts
+# down to a smoothing as small as IPOPT's: with 1e-4 as the last, J of M at N = 30 stays 8e-7 above
 SMOOTHINGS = (0.0006, 0.0001, 0.00001)
-SHORTER = 10  # by which the horizon of a motion to begin from is
+SHORTER = 10  # difference to the horizon of the motion that a search starts from
 COLUMNS = (
     "parameter", "N", "J_ours", "J_ipopt", "ours_over_ipopt", "ipopt_s", "ipopt_best_s",
     "ours_s", "ours_reached_s", "share_of_wall", "share_of_cpu", "ipopt_compile_s",
@@ -63,30 +64,30 @@ class Cell(NamedTuple):
 
     @classmethod
     def of(cls, label: str) -> "Cell":
-        """From its label."""
+        """Return the cell of a label."""
         parameter, horizon = label.rsplit("_", 1)
         return cls(parameter, int(horizon))
 
     @property
     def label(self) -> str:
-        """The name of its piece of work."""
+        """The name of the piece of work for this cell."""
         return f"{self.parameter}_{self.horizon}"
 
     @property
     def intervals(self) -> int:
-        """Of constant jerk."""
+        """The number of intervals of constant jerk."""
         return 2 * self.horizon
 
 
 class Clock(NamedTuple):
-    """Seconds of wall time and of the processor's time."""
+    """Wall time and processor time, s."""
 
     wall: float
     cpu: float
 
 
 class Mark(NamedTuple):
-    """J of an admissible motion, and when it was there."""
+    """J of an admissible motion, and the time when it was found."""
 
     error: float
     clock: Clock
@@ -94,13 +95,13 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison:
-    """Table I's feasible cells by both searches; goes on where it stopped.
+    """Both searches on the feasible cells of Table I; a stopped run continues.
 
     Attributes:
-        out: the folder of bench_design.csv.
-        seed: of all starts.
-        processes: how many cells are searched side by side.
-        toy: two starts and one stage: only shows that everything runs.
+        out: folder for bench_design.csv.
+        seed: seed of all starts.
+        processes: number of cells that are searched in parallel.
+        toy: run two starts and one stage, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -110,12 +111,12 @@ class Comparison:
 
     @property
     def path(self) -> Path:
-        """Of the table."""
+        """The file of the table."""
         return self.out / "bench_design.csv"
 
 
 def main(comparison: Comparison) -> None:
-    """Search all cells, keeping each as soon as it is done; save and print the table."""
+    """Search all cells, save each as soon as it is done, and write and print the table."""
     horizons = motor.HORIZONS[1:2] if comparison.toy else motor.HORIZONS[1:]
     names = STUDIED[:1] if comparison.toy else STUDIED
     cells = [Cell(name, horizon) for name in names for horizon in horizons]
@@ -131,23 +132,23 @@ def main(comparison: Comparison) -> None:
 
 
 def row_of(cell: Cell, numbers: Mapping[str, np.ndarray]) -> Row:
-    """The row of a cell; no number stands for what was not reached."""
+    """Return the table row of a cell; None stands for a value that was not reached."""
     values = {name: None if np.isnan(x) else float(x) for name, x in numbers.items()}
     return {"parameter": cell.parameter, "N": cell.horizon, **values}
 
 
 def verdicts(rows: list[Row]) -> list[str]:
-    """The two targets in words."""
+    """Return a sentence on each of the two targets."""
     better = sum(float(row["ours_over_ipopt"] or 2) <= 1 for row in rows)
     sooner = sum(float(row["share_of_wall"] or 2) <= 0.25 for row in rows)
     return [
-        f"J* at or below IPOPT's in {better} of {len(rows)} cells (target: all).",
+        f"J* is at or below IPOPT's in {better} of {len(rows)} cells (target: all).",
         f"IPOPT's best reached in a quarter of its time in {sooner} of {len(rows)} (target: all).",
     ]
 
 
 def compare(seed: int, toy: bool, label: str) -> dict[str, np.ndarray]:
-    """The numbers of a cell, from both searches, IPOPT first."""
+    """Return the numbers of a cell from both searches; IPOPT runs first."""
     from experiments.bench.shooting import LADDER, Program
 
     cell = Cell.of(label)
@@ -178,7 +179,7 @@ def compare(seed: int, toy: bool, label: str) -> dict[str, np.ndarray]:
 def by_ipopt(
     cell: Cell, solve: Callable[[Jerk], Jerk], begin: list[Jerk]
 ) -> tuple[list[Mark], Clock]:
-    """J of every start's result, walked back into the exact limits as ours are."""
+    """Return J of the result of every start, restored to the exact limits, and the total time."""
     problem = _problem(cell)
     inside = interior(problem.limits, problem.boundary, cell.intervals, motor.KNOT_PERIOD)
     stopwatch, marks = Stopwatch(), []
@@ -190,11 +191,11 @@ def by_ipopt(
 
 
 def by_us(cell: Cell, seed: int, effort: Effort) -> tuple[list[Mark], Clock]:
-    """J of the best motion after every descent of a few searches, and of the polished ones.
+    """Return J after every descent and refinement of several design searches, and the total time.
 
-    The first descent decides what a search can reach. All but the first therefore begin as those of
-    Table I do, from a motion for a shorter horizon, whose search counts too; or, where the shorter
-    one is infeasible, from other random numbers.
+    The first descent decides which J a search can reach. All searches but the first one therefore
+    start, as those of Table I do, from a motion for a shorter horizon, whose search time counts
+    too. If the shorter horizon is infeasible, they start from other random numbers.
     """
     stopwatch, marks = Stopwatch(), []
 
@@ -225,7 +226,7 @@ def _design(cell: Cell, key: PRNGKeyArray, effort: Effort, **options: Any) -> De
 
 
 def _problem(cell: Cell) -> Problem:
-    """A crude grid is enough to make starts and to know the limits."""
+    """Return the problem with a coarse grid, which is enough for starts and limits."""
     system = motor.system()
     norm = individual(system.index(cell.parameter), len(system.names))
     objective = PlannedError(system, norm, jnp.asarray(1.0), 1)
@@ -233,7 +234,7 @@ def _problem(cell: Cell) -> Problem:
 
 
 def starts(cell: Cell, seed: int, count: int) -> list[Jerk]:
-    """Half of them random, half of them dwells in random order."""
+    """Return jerks as starts for IPOPT: half random, half with constant speeds in random order."""
     problem = _problem(cell)
     space = motion_space(problem.limits, problem.boundary, cell.intervals, motor.KNOT_PERIOD)
     random, dwells = jax.random.split(_key(cell, seed))
@@ -247,19 +248,19 @@ def starts(cell: Cell, seed: int, count: int) -> list[Jerk]:
 
 
 def error(cell: Cell, trajectory: JerkTrajectory) -> float:
-    """J* of the parameter that a cell is for, with the exact δ."""
+    """Return J* of the parameter that a cell is designed for, with the exact δ."""
     return float(planned_error(motor.system(), trajectory)[motor.system().index(cell.parameter)])
 
 
 class Stopwatch:
-    """Wall and processor time since it was made, without the time that it was stopped."""
+    """A stopwatch of wall time and processor time that can be paused."""
 
     def __init__(self) -> None:
         self._begin = self._now()
 
     @property
     def clock(self) -> Clock:
-        """What it shows; while it is stopped, when it was stopped."""
+        """The time on the stopwatch; while it is paused, the time at the pause."""
         now = self._now() if self._held is None else self._held
         return Clock(now.wall - self._begin.wall, now.cpu - self._begin.cpu)
 
@@ -267,7 +268,7 @@ class Stopwatch:
 
     @contextmanager
     def stopped(self) -> Iterator[None]:
-        """Do not count what happens inside."""
+        """Pause the stopwatch for the duration of the context."""
         self._held = self._now()
         yield
         now = self._now()
@@ -289,7 +290,7 @@ def _key(cell: Cell, seed: int) -> PRNGKeyArray:
 
 @functools.cache
 def _compile(horizon: int, effort: Effort) -> None:
-    """Search as short as possible, with everything in it that a whole search compiles."""
+    """Run a short search that compiles everything that a whole search does."""
     by_us(Cell(STUDIED[0], horizon), 0, effort._replace(rounds=1, polished=1))
 
 

@@ -1,4 +1,4 @@
-"""Actions in a process of their own: on another processor, or with other flags of XLA."""
+"""Actions in a separate process, on another processor or with other flags of XLA."""
 
 import multiprocessing
 import os
@@ -10,17 +10,17 @@ from experiments._support.processes import pin
 from experiments.bench.timing import Action, timed
 from jaxid.runtime import configure
 
-# as `configure` writes it, with a size that no loop stays below
+# the flag that `configure` sets, with a threshold that no loop stays below
 UNFOLDED = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=0"
 
 Make = Callable[[], Mapping[str, Action]]
 
 
 class Remote:
-    """Runs named actions when asked to. A context manager; the process ends with it."""
+    """A process that runs named actions on request; a context manager that ends it."""
 
     def __init__(self, make: Make, processor: int, flags: str = "") -> None:
-        """Start, and run every action once."""
+        """Start the process, and run every action once."""
         context = multiprocessing.get_context("spawn")
         self._here, there = context.Pipe()
         self._process = context.Process(target=_serve, args=(there, make, processor, flags))
@@ -28,15 +28,15 @@ class Remote:
         self._here.recv()
 
     def start(self, name: str) -> None:
-        """Begin an action."""
+        """Start an action."""
         self._here.send(name)
 
     def wait(self) -> float:
-        """The seconds that it took."""
+        """Wait for the action to finish, and return the seconds that it took."""
         return self._here.recv()
 
     def run(self, name: str) -> float:
-        """Begin an action, wait for its end."""
+        """Run an action, and return the seconds that it took."""
         self.start(name)
         return self.wait()
 

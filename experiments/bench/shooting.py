@@ -1,13 +1,14 @@
-"""(16) for IPOPT at its best: sparse multiple shooting, exact derivatives in C, corners tightened.
+"""Problem (16) for IPOPT: sparse multiple shooting, exact derivatives, decreasing smoothing.
 
-Unknown are the states at the knots, the jerks, and the weights' mixture c = P⁻¹eᵢ of (15), which as
-an unknown with four equations of its own keeps the Hessian sparse. Between the knots the states are
-exact polynomials. The objective is that of `PlannedError`: rounded corners of |g|, jumps spread by
-the smoothing and by the change of speed from node to node.
+The unknowns are the states at the knots, the jerks, and the mixture c = P⁻¹eᵢ of (15). The mixture
+has four equations of its own and keeps the Hessian sparse. Between the knots the states are exact
+polynomials. The objective is that of `PlannedError`: the corners of |g| are rounded, and jumps are
+spread by the smoothing and by the change of speed from node to node.
 
-What made it better, tried on M at N = 30, B at N = 50 and F_c at N = 40: a barrier that begins at
-1e-4 (from 0.1 nearly every start ends in the same basin, 7 % higher), three stages of smoothing,
-and node functions mapped and compiled instead of interpreted (0.6 of the time).
+The following improved it, as tried on M at N = 30, B at N = 50 and F_c at N = 40: a barrier
+parameter that starts at 1e-4 (from 0.1 nearly every start ends in the same local minimum, 7 %
+higher), three stages of smoothing, and node functions that are mapped and compiled instead of
+interpreted (0.6 of the time).
 """
 
 import contextlib
@@ -33,7 +34,7 @@ Vector = Float[np.ndarray, " n"]
 
 
 class Stage(NamedTuple):
-    """How far corners are rounded, and midpoint nodes per interval."""
+    """The smoothing of one stage, and its number of midpoint nodes per interval."""
 
     smoothing: float
     nodes: int
@@ -54,21 +55,21 @@ _OPTIONS = {
     "ipopt.bound_push": _BARRIER,
     "ipopt.bound_frac": _BARRIER,
 }
-# a stage goes on from the point and the multipliers of the one before
+# each stage starts from the point and the multipliers of the one before
 _WARM = {
     "ipopt.warm_start_init_point": "yes",
     "ipopt.warm_start_bound_push": 1e-6,
     "ipopt.warm_start_mult_bound_push": 1e-6,
     "ipopt.warm_start_slack_bound_push": 1e-6,
 }
-_BETWEEN = (0.25, 0.5, 0.75)  # of an interval, where speed and position are limited too
+_BETWEEN = (0.25, 0.5, 0.75)  # shares of an interval at which position and velocity are limited too
 
 
 class Program:
     """The nonlinear programs of one cell of Table I, one for each stage."""
 
     def __init__(self, target: str, intervals: int, ladder: tuple[Stage, ...] = LADDER) -> None:
-        """Build and compile."""
+        """Build and compile the programs."""
         self.index, self.intervals = motor.system().index(target), intervals
         self._ladder = ladder
         self._bounds = _bounds(intervals)
@@ -85,7 +86,7 @@ class Program:
             ]
 
     def solve(self, start: Vector) -> Vector:
-        """The jerk that all stages end at, from a jerk to begin with."""
+        """Return the jerk at which the last stage ends, from an initial jerk, m/s³."""
         jerk, multipliers = start, {}
         for stage, solver in zip(self._ladder, self._solvers, strict=True):
             x, corner, error = _guess(self.index, jerk, stage)
@@ -98,9 +99,9 @@ class Program:
 
 
 def _library(folder: Path, index: int, intervals: int, nodes: int) -> str:
-    """Objective, equations and their exact derivatives in C."""
+    """Return a library with the objective, the equations and their exact derivatives in C."""
     program = ca.nlpsol("program", "ipopt", _problem(index, intervals, nodes), _OPTIONS)
-    with contextlib.chdir(folder):  # it takes a name, not a path
+    with contextlib.chdir(folder):  # the next call takes a name, not a path
         source = folder / program.generate_dependencies(f"nodes_{nodes}.c")
     return str(build(source, source.with_suffix(".so")))
 
@@ -110,7 +111,7 @@ def _top_speed() -> float:
 
 
 def _units() -> Vector:
-    """Largest position, velocity, acceleration and jerk: every unknown is of order one."""
+    """Return scales of position, velocity, acceleration and jerk; scaled unknowns are about one."""
     limits = motor.limits()
     return np.abs(np.vstack([limits.motion, limits.jerk])).max(axis=1)
 
@@ -120,7 +121,7 @@ def _motion(jerk: Vector) -> JerkTrajectory:
 
 
 def _guess(index: int, jerk: Vector, stage: Stage) -> tuple[Vector, float, float]:
-    """The unknowns of a motion, the corner of |g| that its smoothing means, and its J."""
+    """Return the unknowns of a motion, the rounding of |g| for its smoothing, and its J."""
     system, trajectory = motor.system(), _motion(jerk)
     half = np.asarray(system.half_widths)
     states, weights = trajectory.midpoints(stage.nodes)
@@ -137,7 +138,10 @@ def _guess(index: int, jerk: Vector, stage: Stage) -> tuple[Vector, float, float
 
 
 def _problem(index: int, n: int, nodes: int) -> dict[str, Any]:
-    """Objective and equations; parameters are the blend, the corner of |g| and the scale of J."""
+    """Return objective and equations.
+
+    Their parameters are the smoothing of jumps, the rounding of |g|, and the scale of J.
+    """
     half, unit, T = np.asarray(motor.system().half_widths), _units(), motor.KNOT_PERIOD
     scaled = [
         ca.MX.sym(name, size) for name, size in zip("yvaj", (n + 1, n + 1, n + 1, n), strict=True)
@@ -171,14 +175,14 @@ def _problem(index: int, n: int, nodes: int) -> dict[str, Any]:
 
 
 def _node(half: Vector, weight: float) -> Any:
-    """What one node of the midpoint rule adds to J and to P c; φ in half-widths of the box."""
+    """Return the function of one midpoint node: its terms of J and P c, φ scaled by the box."""
     system = motor.system()
     friction, delta = system.terms[2].regressor, system.disturbance_bound
     assert isinstance(friction, Coulomb)
     assert isinstance(delta, SpeedBand)
     state, mixture, parameters = ca.SX.sym("s", 2), ca.SX.sym("c", 4), ca.SX.sym("p", 3)
     v, a = state[0], state[1]
-    # |a| and |v| without their corners, far below what matters
+    # |a| and |v| with rounded corners; the rounding is far too small to matter
     width = parameters[0] + ca.sqrt(a**2 + 0.01) * weight / 2
     sign = 2 / np.pi * ca.atan(float(friction.beta) * v) * v**2 / (v**2 + width**2)
     below = [(1 + ca.tanh((float(delta.threshold) + s * v) / (2 * width))) / 2 for s in (1, -1)]
@@ -190,7 +194,7 @@ def _node(half: Vector, weight: float) -> Any:
 
 
 def _bounds(n: int) -> dict[str, Vector]:
-    """Limits at the knots and between them, both ends at rest, the way point half-way."""
+    """Return the limits at the knots and between them, rest at both ends, and the via point."""
     limits, unit = motor.limits(), _units()
     (y_low, y_high), (v_low, v_high), (a_low, a_high) = np.asarray(limits.motion) / unit[:3, None]
     j_low, j_high = np.asarray(limits.jerk) / unit[3]

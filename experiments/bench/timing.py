@@ -1,4 +1,4 @@
-"""Fair times on a machine that stalls: all interleaved, minima first, medians beside them."""
+"""Reliable times on a machine with other load: interleaved repetitions, minima and medians."""
 
 import statistics
 import time
@@ -11,7 +11,7 @@ Action = Callable[[], object]
 
 
 class Times(NamedTuple):
-    """Seconds that one action took, repetition by repetition; interleaved with the others'."""
+    """The times of one action in s, one per repetition, interleaved with those of other actions."""
 
     seconds: tuple[float, ...]
 
@@ -27,19 +27,19 @@ class Times(NamedTuple):
 
 
 class Ratio(NamedTuple):
-    """One time over another: of their minima, and of their medians."""
+    """The ratio of two times: of their minima, and of their medians."""
 
     least: float
     median: float
 
 
 def ratio(above: Times, below: Times, scale: float = 1.0) -> Ratio:
-    """`scale` times above / below."""
+    """Return `scale` times the ratio of two times."""
     return Ratio(scale * above.least / below.least, scale * above.median / below.median)
 
 
 def interleaved(actions: Mapping[str, Action], repetitions: int) -> dict[str, Times]:
-    """Every action once to warm up, then all of them in turn, `repetitions` times."""
+    """Return the times of all actions, run in turn `repetitions` times after one warm-up."""
     seconds: dict[str, list[float]] = {name: [] for name in actions}
     for action in actions.values():
         action()
@@ -50,7 +50,7 @@ def interleaved(actions: Mapping[str, Action], repetitions: int) -> dict[str, Ti
 
 
 def timed(action: Action) -> float:
-    """Seconds until the result is there."""
+    """Return the seconds until the result of an action is there."""
     begin = time.perf_counter()
     jax.block_until_ready(action())
     return time.perf_counter() - begin

@@ -1,6 +1,7 @@
-"""The second axis: motions for each parameter and for all, how good they are, what one run proves.
+"""Designs for the one-link arm, one per parameter and one for all, and the results of one run.
 
-Rotary, with gravity, and with limits that are not symmetric: arm.csv, arm_proved.csv and arm.png.
+The arm is rotary, with gravity and asymmetric limits. The results are arm.csv, arm_proved.csv and
+arm.png.
 """
 
 from collections.abc import Mapping
@@ -34,28 +35,28 @@ from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 from jaxid.search.effort import Effort
 
-ALL = "all"  # the largest predicted error over its lower bound
-INTERVALS = 50  # of 20 ms: one second
+ALL = "all"  # target: the largest predicted error over its lower bound
+INTERVALS = 50  # intervals of 20 ms: one second
 COLUMNS = ("design", "parameter", *WORTH)
 
 
 @dataclass(frozen=True)
 class Study(Example):
-    """Six designs for the arm.
+    """Six designs for the arm: one for each parameter and one for all.
 
     Attributes:
-        processes: how many run side by side; the results do not depend on it.
+        processes: number of searches that run in parallel; the results do not depend on it.
     """
 
     processes: int = 2
 
     def path(self, design: str) -> Path:
-        """Of a motion."""
+        """Return the file of a motion."""
         return self.named(f"arm_{design}.csv")
 
 
 def main(study: Study) -> None:
-    """Search, evaluate, run, save, draw, print."""
+    """Design the motions, evaluate them, run one, and write and print the results."""
     system, designs = arm.system(), (*arm.system().names, ALL)
     if not study.redraw:
         found = each(partial(searched, study), designs[::-1], study.processes)
@@ -74,7 +75,7 @@ def main(study: Study) -> None:
 
 
 def searched(study: Study, design: str) -> tuple[str, JerkTrajectory]:
-    """One of the designs."""
+    """Return the name and the motion of one design."""
     system = arm.system()
     task = Task(arm.limits(), arm.boundary(), INTERVALS, arm.KNOT_PERIOD)
     key = jax.random.fold_in(jax.random.key(study.seed), (*system.names, ALL).index(design))

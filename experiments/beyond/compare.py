@@ -1,10 +1,11 @@
-"""What an engineer would have run instead: excitations of textbooks beside ours, table5.csv.
+"""Textbook excitations compared with the motion of this study, each optimised: table5.csv.
 
-All under the same limits, boundary conditions, duration, encoder and servo. Families of excitations
-are optimised for the criterion of our one motion, the largest guaranteed error relative to what is
-allowed, from as many starts and by as many evaluations. Motions by a classical criterion, or for
-least squares, are found for that by our own search; of the four that it finds, the one is shown
-that is best by our criterion, with which designs also count on a velocity that is a little off.
+All have the same limits, boundary conditions, duration, encoder and servo. Families of excitations
+are optimised for the criterion of the study's motion for all parameters, the largest predicted
+half-width relative to its target, from as many starts and with as many evaluations. Motions for a
+classical criterion, or for least squares, are designed for that criterion with the search of the
+study. Each search finds four of them; the one that is best by the criterion of the study is shown.
+That criterion also allows for a small velocity error.
 """
 
 from collections.abc import Mapping
@@ -83,12 +84,12 @@ class Compare(Toys):
     """Ten excitations of the motor for 0.6 s, each optimised.
 
     Attributes:
-        out: the folder of table5.csv, table5.png and a compare_<excitation>.csv for each motion.
-        motions: the folder with the one motion of the study.
-        seed: of all starts.
-        processes: how many are searched side by side; the results do not depend on it.
+        out: folder for table5.csv, table5.png and a compare_<excitation>.csv of each motion.
+        motions: folder with the study's motion for all parameters.
+        seed: seed of all starts.
+        processes: number of searches that run in parallel; the results do not depend on it.
         redraw: use the motions in `out` instead of searching.
-        toy: search hardly at all: only shows that everything runs.
+        toy: run with minimal effort, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -99,14 +100,14 @@ class Compare(Toys):
     toy: bool = False
 
     def path(self, excitation: str) -> Path:
-        """Of a motion; ours is that of the study."""
+        """Return the file of a motion; that of jaxid is the study's motion for all parameters."""
         if excitation == OURS:
             return trajectory_path(self.motions, Cell(ONE_MOTION, HORIZON))
         return self.named(f"compare_{excitation}.csv")
 
 
 def main(options: Compare) -> None:
-    """Search, evaluate, save, draw, print."""
+    """Design the excitations, evaluate them, and write and print table 5."""
     others = [name for name in EXCITATIONS if name != OURS]
     if not options.redraw:
         found = each(partial(searched, options), others, options.processes)
@@ -120,15 +121,15 @@ def main(options: Compare) -> None:
     table = Table(COLUMNS, rows_of(worth, "excitation", motor.system().names))
     write_table(options.named("table5.csv"), table.header, table.rows)
     draw(options.named("table5.png"), worth)
-    print(table.text("Table 5: what each excitation guarantees, and how far above the lower bound"))
-    print("Largest of the guaranteed errors over what is allowed of our one motion:")
+    print(table.text("Table 5: predicted half-width by excitation, and its gap to the lower bound"))
+    print("Largest predicted half-width relative to the target of the study's motion:")
     for name, one in worth.items():
         worst = float(jnp.max(one.predicted / one.lower_bound / jnp.asarray(ALLOWED)))
         print(f"  {name:12} {worst:.4f}")
 
 
 def searched(options: Compare, name: str) -> tuple[str, JerkTrajectory]:
-    """The best motion of one kind: of all that were found, the one that guarantees most."""
+    """Return the best motion of one kind: of all that are found, that of the smallest criterion."""
     limits = motor.limits()
     task = Task(limits, motor.boundary(), 2 * HORIZON, motor.KNOT_PERIOD)
     targets = jnp.asarray(ALLOWED) * lower_bound(motor.system(), limits).value
@@ -146,7 +147,7 @@ def searched(options: Compare, name: str) -> tuple[str, JerkTrajectory]:
 def optimal(
     name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, effort: Effort
 ) -> list[JerkTrajectory]:
-    """By one of the criteria of a motion alone, sought as a design is."""
+    """Return a list of one motion, designed for a classical criterion or for least squares."""
     system = motor.system()
     if name == LEAST_SQUARES:
         criterion = LeastSquaresError(system, infinity(targets))
@@ -158,9 +159,10 @@ def optimal(
 def members(
     name: str, task: Task, targets: Float[Array, " m"], key: PRNGKeyArray, effort: Effort
 ) -> list[JerkTrajectory]:
-    """Of a family: as our one motion is found, by a search for least squares and two polishes.
+    """Return the best motions of a family, found in the same way as the study's motion.
 
-    Each of the best few is polished to its end, where for ours only the best of all is.
+    A search for least squares is followed by two refinements. Each of the best few motions is
+    refined to the end, while for the study's motion only the best of all is.
     """
     system, family = motor.system(), family_of(name, task)
     problem = Problem.of(task, PlannedError(system, infinity(targets), _fastest(task), 5))
@@ -178,7 +180,11 @@ def members(
 
 
 def family_of(name: str, task: Task) -> Excitation:
-    """For a task: its two moves are the deepest one, and there and back at top speed."""
+    """Return a family of excitations for a task, with its two moves.
+
+    The first move has the largest margin to the limits; the second one goes there and back at top
+    speed.
+    """
     limits = task.limits
     space = motion_space(limits, task.boundary, task.intervals, task.period)
     problem = Problem.of(task, lambda motion, smoothing: jnp.zeros(()))
@@ -191,7 +197,7 @@ def family_of(name: str, task: Task) -> Excitation:
 
 
 def budget(effort: Effort) -> Budget:
-    """As many starts and evaluations as one search for a design takes."""
+    """Return the numbers of starts and evaluations of one design search."""
     random = effort.starts // 8
     bred = (effort.starts - random) * MEMBERS
     rounds = effort.rounds * effort.variations
@@ -200,7 +206,7 @@ def budget(effort: Effort) -> Budget:
 
 
 def draw(path: Path, worth: Mapping[str, Evaluation]) -> None:
-    """Bars: gaps to the lower bound, one panel per parameter that the motion decides about."""
+    """Draw optimality gaps as bars, one panel per parameter for which the motion matters."""
     canvas, panels = plots.figure(1, len(STUDIED), (11.0, 4.8))
     most = 100 * max(float(jnp.max(one.gap[: len(STUDIED)])) for one in worth.values())
     y = np.arange(len(worth))
@@ -220,7 +226,7 @@ def draw(path: Path, worth: Mapping[str, Evaluation]) -> None:
 
 
 def _expected(task: Task, targets: Float[Array, " m"], motion: JerkTrajectory) -> Problem:
-    """The criterion of our one motion, for motions near to another one."""
+    """Return the problem of the study's motion for all parameters, near a given motion."""
     return Problem.of(task, motor.predicted_error(targets).near(task, motion))
 
 

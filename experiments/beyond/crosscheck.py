@@ -1,4 +1,4 @@
-"""How good is Table I? The same cells from longer searches, by other seeds and methods."""
+"""A cross-check of Table I by longer searches of the same cells, with other seeds and methods."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,13 +18,16 @@ from jaxid.search.effort import Effort
 
 
 class Search(NamedTuple):
-    """The best that several seeds find, each knowing nothing of the others and other horizons."""
+    """A search with several seeds, whose best result counts.
+
+    Each seed is independent of the others and of other horizons.
+    """
 
     seeds: tuple[int, ...]
     effort: Effort
 
 
-# several seeds: at F_c and N = 60 one of three stays 0.6 % above, even with 12 rounds of 128
+# several seeds: for F_c at N = 60, one of three stays 0.6 % above, even with 12 rounds of 128
 _DWELLS = Effort(rounds=8, variations=64)
 _RANDOM = Effort(starts=128, generations=0, rounds=12, variations=128)
 
@@ -40,11 +43,11 @@ class Crosscheck:
     """Three longer searches beside the designs in a folder, as crosscheck.csv there.
 
     Attributes:
-        out: the folder with the trajectories of the study.
-        processes: how many searches run side by side; the results do not depend on it.
-        compare: the searches that crosscheck.csv holds with the designs that are there now, without
+        out: folder with the trajectories of the study.
+        processes: number of searches that run in parallel; the results do not depend on it.
+        compare: compare the searches in crosscheck.csv with the designs now in `out`, without
             searching again.
-        toy: search hardly at all: only shows that everything runs.
+        toy: run with minimal effort, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -54,23 +57,23 @@ class Crosscheck:
 
     @property
     def horizons(self) -> tuple[int, ...]:
-        """The N_i that are feasible."""
+        """The feasible horizons N_i."""
         return motor.HORIZONS[1:2] if self.toy else motor.HORIZONS[1:]
 
 
 def main(check: Crosscheck) -> None:
-    """Search, compare with what the study has left, save, print."""
+    """Search, compare with the designs of the study, and write and print the table."""
     cells = [Cell(name, horizon) for name in STUDIED for horizon in check.horizons]
     shipped = {c: error(c, read_trajectory(trajectory_path(check.out, c))) for c in cells}
     find = saved if check.compare else searched
     others = {name: find(check, name) for name in SEARCHES}
     table = tables.crosscheck(shipped, others)
     write_table(check.out / "crosscheck.csv", table.header, table.rows)
-    print(table.text("J* of the study beside longer searches; how far they are apart, in per cent"))
+    print(table.text("J* of the study beside longer searches, and their differences in per cent"))
 
 
 def searched(check: Crosscheck, name: str) -> dict[Cell, float]:
-    """J* of every cell by one of the searches."""
+    """Return J* of every cell by one of the searches."""
     seeds, effort = SEARCHES[name]
     if check.toy:
         seeds, effort = seeds[:1], designs.TOY
@@ -86,13 +89,13 @@ def searched(check: Crosscheck, name: str) -> dict[Cell, float]:
 
 
 def saved(check: Crosscheck, name: str) -> dict[Cell, float]:
-    """J* of every cell as an earlier run of one of the searches left it."""
+    """Return J* of every cell from an earlier run of one of the searches."""
     rows = read_table(check.out / "crosscheck.csv")
     return {Cell(row["parameter"], int(row["N"])): float(row[name]) for row in rows}
 
 
 def error(cell: Cell, trajectory: JerkTrajectory) -> float:
-    """J* of the parameter that a cell is for."""
+    """Return J* of the parameter that a cell is designed for."""
     system = motor.system()
     return float(planned_error(system, trajectory)[system.index(cell.target)])
 

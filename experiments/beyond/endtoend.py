@@ -1,4 +1,4 @@
-"""What designing through the filter and the closed loop gains: table6.csv, table7.csv."""
+"""The gain of designs that account for the filter and the closed loop: table6.csv, table7.csv."""
 
 import hashlib
 import time
@@ -33,17 +33,17 @@ Key = tuple[str, str, int, float, str]
 
 @dataclass(frozen=True)
 class EndToEnd:
-    """Every design of table 6, and of harder settings; goes on where it stopped.
+    """All designs of table 6, and of table 7 with harder settings; a stopped run continues.
 
-    Each motion is a row of endtoend.csv, with what it is worth and how long the search took: remove
+    Each motion is a row of endtoend.csv, with its evaluation and the duration of its search. Remove
     the file to search again.
 
     Attributes:
-        out: the folder that the tables are written to.
-        motions: the folder with the trajectories of the study.
-        processes: how many searches run side by side; the results do not depend on it.
+        out: folder for the tables.
+        motions: folder with the trajectories of the study.
+        processes: number of searches that run in parallel; the results do not depend on it.
         redraw: make the tables from endtoend.csv as it is, without a search.
-        toy: three cases, hardly searched: only shows that everything runs.
+        toy: run three cases with minimal effort, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -53,7 +53,7 @@ class EndToEnd:
     toy: bool = False
 
     def table_6(self) -> list[Case]:
-        """The study's motor: parameters, horizons, bandwidths."""
+        """Return the cases of table 6: the study's motor, by parameter, horizon and bandwidth."""
         settings = [replace(STUDY, bandwidth=w) for w in BANDWIDTHS]
         horizons = motor.HORIZONS[1:]
         if self.toy:
@@ -63,23 +63,23 @@ class EndToEnd:
         ]
 
     def table_7(self) -> list[Case]:
-        """The harder settings, at one horizon."""
+        """Return the cases of table 7: the harder settings at one horizon."""
         if self.toy:
             return [Case(HARDER[0], "M", motor.HORIZONS[1], self.motions, True)]
         return [Case(s, name, HARDER_HORIZON, self.motions) for s in HARDER for name in STUDIED]
 
     @property
     def prefix(self) -> str:
-        """Of the files: a toy leaves those of a real run alone."""
+        """The prefix of the file names, so that a toy run overwrites no files of a full run."""
         return "toy_" if self.toy else ""
 
 
 @dataclass
 class Archive:
-    """Everything that was found, in a file that is whole at any moment."""
+    """All designs that were found, in a file that is complete at any moment."""
 
     path: Path
-    redraw: bool = False  # whether rows count that were made from other inputs
+    redraw: bool = False  # whether to use rows that were made from other inputs
     rows: dict[Key, tables.Row] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -87,12 +87,12 @@ class Archive:
             self.rows = {key_of(row): dict(row) for row in read_table(self.path)}
 
     def add(self, rows: list[tables.Row]) -> None:
-        """Keep them, instead of those that have their names."""
+        """Save rows; each replaces the row with the same key."""
         self.rows |= {key_of(row): row for row in rows}
         write_table(self.path, tables.SEARCHES, self.rows.values())
 
     def of(self, case: Case) -> dict[str, tables.Row]:
-        """Its rows by design, but for those that were made from other inputs."""
+        """Return the rows of a case by design, without those that were made from other inputs."""
         keys = {name: key_of({**labels(case), "design": name}) for name in STAGES}
         rows = {name: self.rows[key] for name, key in keys.items() if key in self.rows}
         if self.redraw:
@@ -102,7 +102,7 @@ class Archive:
 
 
 def main(options: EndToEnd) -> None:
-    """Search what is missing, save, print."""
+    """Search the missing designs, and write and print the tables."""
     archive = Archive(options.out / f"{options.prefix}endtoend.csv", options.redraw)
     if not options.redraw:
         complete(options, archive)
@@ -114,11 +114,11 @@ def main(options: EndToEnd) -> None:
         table = tables.Table(tables.GAINS[name], rows)
         write_table(options.out / f"{options.prefix}{name}.csv", table.header, table.rows)
         draw(options.out / f"{options.prefix}{name}.png", rows)
-        print(table.text(f"{name}: J_f by stages of the design"), end="\n\n")
+        print(table.text(f"{name}: J_f by design stage"), end="\n\n")
 
 
 def complete(options: EndToEnd, archive: Archive) -> None:
-    """Every design that the archive does not have yet, saved as soon as it is found."""
+    """Search every design that the archive lacks, and save each as soon as it is found."""
     groups: dict[tuple[str, str, int], list[Case]] = {}
     for case in options.table_6() + options.table_7():
         groups.setdefault((case.setting.label, case.parameter, case.horizon), []).append(case)
@@ -131,7 +131,7 @@ def complete(options: EndToEnd, archive: Archive) -> None:
 
 
 class Search(NamedTuple):
-    """One design to find, and what is known: of earlier cases of its group, and of its own."""
+    """One design to search, with the known designs of its own and of earlier cases of its group."""
 
     case: Case
     design: str
@@ -140,14 +140,14 @@ class Search(NamedTuple):
 
 
 class State(NamedTuple):
-    """What a chain of searches has found: designs of one axis, for one filter after another."""
+    """The designs that a chain of searches has found, for one axis and one filter after another."""
 
     row: tables.Row
     designs: dict[str, JerkTrajectory]
 
 
 def missing(archive: Archive, group: Sequence[Case]) -> list[Search]:
-    """A chain for cases that differ in their filter."""
+    """Return the chain of missing searches for cases that differ in their filter."""
     chain, earlier = [], {}
     for case in group:
         own = {name: to_motion(row) for name, row in archive.of(case).items()}
@@ -157,7 +157,10 @@ def missing(archive: Archive, group: Sequence[Case]) -> list[Search]:
 
 
 def searched(search: Search, last: State | None) -> State:
-    """One design. Those that do not know the filter are found once for all filters."""
+    """Return the state of a chain after the search of one design.
+
+    Designs that do not depend on the filter are searched once for all filters.
+    """
     make_room()
     designs = {**search.earlier, **(last.designs if last else {}), **search.own}
     begin = time.perf_counter()
@@ -168,26 +171,26 @@ def searched(search: Search, last: State | None) -> State:
 
 
 def to_row(case: Case, name: str, motion: JerkTrajectory, seconds: float) -> tables.Row:
-    """Of the archive; the seconds have compilations in them."""
+    """Return the archive row of a design; its seconds include compilation."""
     jerk = " ".join(f"{x:.17g}" for x in np.asarray(motion.jerk))
     made = {"design": name, "inputs": fingerprint(case), "seconds": seconds}
     return {**labels(case), **made, **worth(case, motion)._asdict(), "jerk_m_s3": jerk}
 
 
 def to_motion(row: tables.Row) -> JerkTrajectory:
-    """That a row of the archive holds."""
+    """Return the motion of an archive row."""
     jerk = jnp.asarray([float(x) for x in str(row["jerk_m_s3"]).split()])
     return uniform(motor.boundary().start, jerk, motor.KNOT_PERIOD)
 
 
 def labels(case: Case) -> tables.Row:
-    """Its names in tables."""
+    """Return the columns that identify a case in tables."""
     values = case.setting.label, case.parameter, case.horizon, case.setting.bandwidth
     return dict(zip(tables.LABELS, values, strict=True))
 
 
 def fingerprint(case: Case) -> str:
-    """Of what the searches of a case begin from: rows with another one are searched again."""
+    """Return a digest of the inputs of a case; rows with another digest are searched again."""
     digest = hashlib.sha256(repr((case.setting, case.toy, EFFORTS)).encode())
     for array in jax.tree.leaves((case.setting.limits(), case.setting.controller())):
         digest.update(np.asarray(array).tobytes())
@@ -197,7 +200,7 @@ def fingerprint(case: Case) -> str:
 
 
 def key_of(row: Mapping[str, Value]) -> Key:
-    """Numbers from a file and numbers from here compare as equal."""
+    """Return the key of a row; it is the same for numbers from a file and for computed ones."""
     setting, parameter, horizon, bandwidth = (row[name] or 0 for name in tables.LABELS)
     return str(setting), str(parameter), int(horizon), float(bandwidth), str(row["design"])
 

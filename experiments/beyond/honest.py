@@ -1,4 +1,7 @@
-"""Is any truth ever outside of what was guaranteed? Thousands of simulated logs: honest.csv."""
+"""A test of the guaranteed intervals by thousands of simulated logs: honest.csv.
+
+It counts how often the true parameters are outside the intervals.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -34,28 +37,29 @@ from jaxid.runtime import configure
 PROMISED = (
     "modulating", *ESTIMATORS, "second_order_filter", "first_order_filter", "feasible_set",
 )  # fmt: skip
-BARE = ("bare_as_printed", "bare_with_differences")  # (29) of a log, which promises nothing
+BARE = ("bare_as_printed", "bare_with_differences")  # (29) applied to a log: no guarantee
 COLUMNS = (
     "intervals", "parameter", "logs", "outside", "half_width_median", "half_width_most",
     "median_over_lower_bound", "most_over_lower_bound",
 )  # fmt: skip
-USUAL = 500  # of the logs: the one motion, under cogging and friction
+USUAL = 500  # logs of the motion for all parameters, with cogging and friction
 
 Intervals = Mapping[str, tuple[Float[Array, " m"], Float[Array, " m"]]]
 
 
 @dataclass(frozen=True)
 class Honest:
-    """Intervals by every estimator from logs of random motors; goes on where it stopped.
+    """Intervals by every estimator from logs of random motors; a stopped run continues.
 
     Attributes:
-        out: the folder that honest.csv is written to, and blocks on the way.
-        motions: the folder with the trajectories of the study.
-        logs: how many; of these `USUAL` are of the one motion under cogging and friction.
-        seed: of the plants and forces.
-        processes: how many share the work; the results do not depend on it.
-        knots: of the modulating functions.
-        block: logs that are saved together.
+        out: folder for honest.csv, and for blocks of logs during the run.
+        motions: folder with the trajectories of the study.
+        logs: number of logs; the first 500 are of the motion for all parameters, with cogging and
+            friction.
+        seed: seed of the random plants and forces.
+        processes: number of processes that share the work; the results do not depend on it.
+        knots: largest number of weights of the modulating functions.
+        block: number of logs that are saved together.
     """
 
     out: Path = Path("figures")
@@ -68,22 +72,30 @@ class Honest:
 
     @property
     def pieces(self) -> Pieces:
-        """The finished blocks of a run under way."""
+        """The finished blocks of an unfinished run."""
         asked = self.logs, self.seed, self.knots, self.block
         return Pieces.of(self.out / "honest.csv", asked, simulated_logs.paths(self.motions))
 
     @property
     def blocks(self) -> list[str]:
-        """The numbers of all blocks."""
+        """The numbers of all blocks, as text."""
         return [str(number) for number in range(-(-self.logs // self.block))]
 
     def members(self, number: int) -> range:
-        """The logs of a block."""
+        """Return the numbers of the logs of a block."""
         return range(number * self.block, min((number + 1) * self.block, self.logs))
 
 
 class Found(NamedTuple):
-    """Of n logs: truths, and the intervals of every kind, shapes (n, m) and (n, kinds, m)."""
+    """The true parameters of n logs, and the intervals of every kind.
+
+    Attributes:
+        usual: whether a log is of the motion for all parameters with cogging and friction, shape
+            (n,).
+        theta: true parameters, shape (n, m).
+        lower: lower ends of the intervals, shape (n, kinds, m).
+        upper: upper ends of the intervals, shape (n, kinds, m).
+    """
 
     usual: Bool[np.ndarray, " n"]
     theta: Float[np.ndarray, "n m"]
@@ -92,7 +104,7 @@ class Found(NamedTuple):
 
 
 def main(options: Honest) -> None:
-    """Simulate what is missing, count, print."""
+    """Simulate the missing logs, count intervals without the true value, and print the table."""
     found = found_by(options)
     rows = list(table(found))
     write_table(options.out / "honest.csv", COLUMNS, rows)
@@ -101,24 +113,24 @@ def main(options: Honest) -> None:
     print(text_table(COLUMNS, shown, f"{options.logs} simulated logs, seed {options.seed}"))
     kept = Log(jnp.zeros(1), jnp.zeros(2), motor.CONTROL_PERIOD, motor.ENCODER_RESOLUTION)
     rests_on = assumptions(motor.system(), kept)
-    print("All intervals but the bare ones hold provided that:", *rests_on, sep="\n  ")
+    print("All intervals except the bare ones hold provided that:", *rests_on, sep="\n  ")
 
 
 def found_by(options: Honest) -> Found:
-    """All logs, in order; blocks that are there already are not judged again."""
+    """Return the results of all logs in order; finished blocks are not simulated again."""
     make = partial(block_of, options)
     parts = options.pieces.complete(options.blocks, make, options.processes, "blocks of logs")
     return Found(*(np.concatenate([part[name] for part in parts]) for name in Found._fields))
 
 
 def block_of(options: Honest, number: str) -> dict[str, np.ndarray]:
-    """Simulate and judge the logs of a block."""
+    """Return the results of the logs of one block, which are simulated."""
     motions = simulated_logs.read_motions(options.motions)
     return judged(options, motions, options.members(int(number)))._asdict()
 
 
 def judged(options: Honest, motions: Motions, members: range) -> Found:
-    """What every estimator says of some logs."""
+    """Return the true parameters and the intervals by every estimator, for some logs."""
     usual = [number < USUAL for number in members]
     scenarios = [
         (simulated_logs.usual if typical else simulated_logs.mixed)(options.seed, number)
@@ -134,10 +146,10 @@ def judged(options: Honest, motions: Motions, members: range) -> Found:
 
 
 def intervals(log: Log, knots: int) -> Intervals:
-    """Of one log, by all estimators: those of `PROMISED` and of `BARE`.
+    """Return the intervals from one log by all estimators of `PROMISED` and of `BARE`.
 
-    Each is θ̂ ± bound, without the box, which may not be what keeps a truth inside; only all that is
-    possible has no meaning without it.
+    Each is θ̂ ± bound, without the prior box, so that the box cannot be the reason that it contains
+    the true value. Only the feasible parameter set has no meaning without the box.
     """
     found = guaranteed_intervals(motor.system(), [log], knots)
     left = feasible_set(found.rows, [found.estimate], knots)
@@ -148,7 +160,7 @@ def intervals(log: Log, knots: int) -> Intervals:
 
 @eqx.filter_jit
 def _others(log: Log) -> dict[str, Estimate]:
-    """All that need no linear program, from a single reading of the log with the prior box."""
+    """Return the estimates that need no linear program, from one pass over the log."""
     system, w, h = motor.system(), motor.BANDWIDTH, motor.CONTROL_PERIOD
     found, low_pass = state_bounds(system, log), Filtered(LeastSquares(), w, h)
     rows = hats(system, log, found)
@@ -168,7 +180,7 @@ def _others(log: Log) -> dict[str, Estimate]:
 
 
 def table(found: Found) -> Iterator[dict[str, str | float | int]]:
-    """Counts and lengths by estimator and parameter; of the usual logs apart."""
+    """Yield counts and half-widths by estimator and parameter; first those of the usual logs."""
     least = np.asarray(lower_bound(motor.system(), motor.limits()).value)
     theta = found.theta[:, None]
     outside = (theta < found.lower) | (theta > found.upper)

@@ -1,4 +1,4 @@
-"""Limits that the axis itself keeps: sampled and proved, and what each costs beside (18)."""
+"""Motions whose axis keeps its limits, by simulated plants or by proof, compared with (18)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,28 +36,29 @@ from jaxid.search.frozen_loop import fixed_margins
 from jaxid.search.local import improve
 from jaxid.search.problem import Problem
 
-CELLS = (8, 4, 4, 4)  # that Ω_θ is cut into for a proof
-# what the axis is given to begin with beside its motion: m, m/s and V, near what a tube needs
+CELLS = (8, 4, 4, 4)  # cells of Ω_θ along each parameter, for a proof
+# initial margins for position, velocity, input and input rate in m, m/s, V and V/s, near a tube's
 PROVED_MARGINS, SAMPLED_MARGINS = (0.004, 0.04, 0.45, 0.0), (0.003, 0.03, 0.2, 0.0)
-ROUNDS = 4  # of finding plants that leave the limits and keeping farther away
+ROUNDS = 4  # rounds of finding plants beyond the limits and increasing the margins
 SIDES = ("position", "velocity", "input")
 METHODS = ("18", "proved", "sampled")
 
 
 @dataclass(frozen=True)
 class Robust:
-    """One motion per parameter whose limits hold for the axis: by (18), by sampling, by proof.
+    """One motion per parameter and method to keep limits: (18), simulated plants, and a proof.
 
-    Motions that are there already are checked, not searched for again: remove their files for that.
+    Motions that exist already are checked and not searched again; remove their files to search
+    again.
 
     Attributes:
-        out: the folder that robust.csv and the motions are written to.
-        motions: the folder with the trajectories of the study.
-        horizon: N_i of the motions.
-        plants: random plants of the final check.
-        attacks: plants of the final check that are searched for.
-        seed: of the designs; the final check has the next one.
-        toy: search and check hardly at all: only shows that everything runs.
+        out: folder for robust.csv and the motions.
+        motions: folder with the trajectories of the study.
+        horizon: horizon N_i of the motions.
+        plants: number of random plants of the final check.
+        attacks: number of worst-case plants of the final check, each found by a search.
+        seed: seed of the designs; the final check uses the next one.
+        toy: run with minimal effort, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -70,18 +71,18 @@ class Robust:
 
     @property
     def prefix(self) -> str:
-        """Of the files: a toy leaves those of a real run alone."""
+        """The prefix of the file names, so that a toy run overwrites no files of a full run."""
         return "toy_" if self.toy else ""
 
     def case(self, name: str) -> Case:
-        """The experiment for one parameter, with the law that has a tube."""
+        """Return the case of one parameter, with the controller that has a proved tube."""
         return Case(
             Setting("provable", gains="provable"), name, self.horizon, self.motions, self.toy
         )
 
 
 def main(options: Robust) -> None:
-    """Design what is missing, check, save, print."""
+    """Design the missing motions, check all, and write and print the results."""
     rows = []
     for name in STUDIED[: 1 if options.toy else None]:
         for method in METHODS:
@@ -90,7 +91,7 @@ def main(options: Robust) -> None:
     table = tables.Table(tables.ROBUST, rows)
     write_table(options.out / f"{options.prefix}robust.csv", table.header, table.rows)
     draw(options, STUDIED[0])
-    print(table.text("Limits of the axis itself: by (18), by proof, by sampled plants"))
+    print(table.text("Limits of the axis itself: by (18), by proof, by simulated plants"))
 
 
 def draw(options: Robust, name: str) -> None:
@@ -103,7 +104,7 @@ def draw(options: Robust, name: str) -> None:
 
 
 def motion(options: Robust, name: str, method: str) -> JerkTrajectory:
-    """A motion that was found before, or a new one, left as a file."""
+    """Return a motion from its file; if there is none, search it and write the file."""
     case = options.case(name)
     if method == "18":
         return by_18(case, {})
@@ -114,12 +115,12 @@ def motion(options: Robust, name: str, method: str) -> JerkTrajectory:
 
 
 def proved(options: Robust, case: Case) -> JerkTrajectory:
-    """All plants keep the limits: the tube does."""
+    """Return a motion for which the tube proves that all plants keep the limits."""
     return improved(case, case.setting.limits(), tube(case), start(options, case, PROVED_MARGINS))
 
 
 def tube(case: Case) -> Tube:
-    """Of all plants."""
+    """Return the proved tube of all plants."""
     loop, parts = case.loop(encoder()), (2, 1, 1, 1) if case.toy else CELLS
     law, box = case.setting.controller(), parameter_cells(case.setting.system(), parts)
     return Tube(law, encoder(), box, loop.period, loop.ticks, loop.repeats)
@@ -128,7 +129,7 @@ def tube(case: Case) -> Tube:
 def start(
     options: Robust, case: Case, margins: tuple[float, float, float, float]
 ) -> JerkTrajectory:
-    """A cold search with fixed margins for what the axis adds to its motion."""
+    """Return a motion from random starts, with fixed margins for the deviations of the axis."""
     system = case.setting.system()
     axis = fixed_margins(system, 5 * case.intervals, margins)
     limits, boundary = case.setting.limits(), motor.boundary()
@@ -142,14 +143,14 @@ def start(
 def improved(
     case: Case, limits: Limits, axis: Prediction, motion: JerkTrajectory
 ) -> JerkTrajectory:
-    """The motion in the limits of the axis, and J* made as small as they allow."""
+    """Return a motion near a given one that keeps the limits of the axis, with minimal J*."""
     problem = Problem(case.planned(), limits, motor.boundary(), axis)
     effort = Effort(newton_rounds=1, newton_steps=2, programs=2) if case.toy else Effort()
     return improve(problem, motion, effort).trajectory
 
 
 def sampled(options: Robust, case: Case) -> JerkTrajectory:
-    """The best of the proved motion, a search that begins from it, and one that begins cold."""
+    """Return the best of the proved motion, a search from it, and one from random starts."""
     by_proof = motion(options, case.parameter, "proved")
     starts = (start(options, case, SAMPLED_MARGINS), by_proof)
     found = [inside_of_plants(options, case, begin) for begin in starts]
@@ -158,14 +159,18 @@ def sampled(options: Robust, case: Case) -> JerkTrajectory:
 
 
 def inside_of_plants(options: Robust, case: Case, begin: JerkTrajectory) -> JerkTrajectory | None:
-    """Farther and farther inside until none of the plants of one seed leaves the limits."""
+    """Return a motion for which no plant of one seed exceeds the limits, or None.
+
+    The margins are increased from round to round.
+    """
     limits, axis = case.setting.limits(), case.axis(IdealSensor())
     inwards = jnp.full(3, 1e-3)
     for _ in range(1 if case.toy else ROUNDS):
         found = improved(case, shrunk(limits, inwards), axis, begin)
         worst = np.max([part.max(axis=0) for part in beyond(options, case, found, options.seed)], 0)
         print(
-            f"{case.parameter} sampled, J* {planned(case, found):.7g}, beyond by {worst}",
+            f"{case.parameter}, simulated plants: J* = {planned(case, found):.7g}, largest excess "
+            f"of position, velocity and input limits: {worst} half-widths",
             flush=True,
         )
         if np.all(worst <= 0):
@@ -175,15 +180,17 @@ def inside_of_plants(options: Robust, case: Case, begin: JerkTrajectory) -> Jerk
 
 
 def planned(case: Case, motion: JerkTrajectory) -> float:
-    """J* of its own parameter."""
+    """Return J* of the parameter of the case."""
     return float(planned_error(case.setting.system(), motion)[case.index])
 
 
 def checked(options: Robust, name: str, method: str, motion: JerkTrajectory) -> tables.Row:
-    """J*, whether the tube keeps the limits, and how many plants of the final check leave which.
+    """Return the table row of a motion: J*, whether the tube keeps the limits, and a final check.
+
+    The final check counts the simulated plants that exceed each limit.
 
     Raises:
-        ValueError: if the motion of a file is not what its name promises.
+        ValueError: if the file of a proved motion holds one that exceeds its limits.
     """
     case = options.case(name)
     limits = case.setting.limits()
@@ -208,7 +215,10 @@ def checked(options: Robust, name: str, method: str, motion: JerkTrajectory) -> 
 def beyond(
     options: Robust, case: Case, motion: JerkTrajectory, seed: int
 ) -> tuple[Float[np.ndarray, "k sides"], Float[np.ndarray, "k sides"]]:
-    """The excess of random plants and of plants searched for: encoder, ten steps per tick."""
+    """Return by how much random plants and worst-case plants exceed each limit, in half-widths.
+
+    They are simulated with the encoder and ten Runge-Kutta steps per sample period.
+    """
     system, limits = case.setting.system(), case.setting.limits()
     first, second = jax.random.split(jax.random.key(seed))
     against = AgainstTracking(case.setting.controller().k1)

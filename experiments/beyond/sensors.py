@@ -1,4 +1,4 @@
-"""Predicted guaranteed errors over encoder resolutions and sample periods, by three estimators."""
+"""Predicted half-widths over encoder resolution and sample period, by three estimators."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -40,13 +40,13 @@ COLUMNS = ("way", "period_s", "resolution_m", "parameter", "predicted", "lower_b
 
 @dataclass(frozen=True)
 class Sensors:
-    """Predicted guaranteed errors of the one motion for many encoders and sample periods.
+    """Predicted half-widths of one motion for many encoders and sample periods.
 
     Attributes:
-        out: the folder that sensors.csv and sensors.png are written to.
-        motions: the folder with the trajectories of the study.
+        out: folder for sensors.csv and sensors.png.
+        motions: folder with the trajectories of the study.
         redraw: draw the sensors.csv in `out` again instead of computing it.
-        toy: the motor's own sensor only: shows that everything runs.
+        toy: use the motor's own sensor alone, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -56,11 +56,11 @@ class Sensors:
 
 
 class Way(NamedTuple):
-    """From a log to estimates, all of which hold.
+    """A method that makes estimates with guaranteed bounds from a log.
 
     Attributes:
-        rows: of the log.
-        estimates: of the rows.
+        rows: function that returns the regression rows of a log.
+        estimates: function that returns estimates from the rows and the sample period in s.
     """
 
     rows: Callable[..., RegressionRows]
@@ -68,7 +68,7 @@ class Way(NamedTuple):
 
 
 def _filtered(order: int) -> Callable[[RegressionRows, Scalar], list[Estimate]]:
-    """Least squares of filtered rows, with every bandwidth."""
+    """Return a function that makes least-squares estimates of filtered rows, one per bandwidth."""
 
     @eqx.filter_jit
     def one(logged: RegressionRows, w: Scalar, period: Scalar) -> Estimate:
@@ -98,7 +98,7 @@ _LABELS = {
 
 
 def main(options: Sensors) -> None:
-    """Compute, save, draw."""
+    """Compute the predicted half-widths, and write and draw them."""
     prefix = "toy_" if options.toy else ""
     table = options.out / f"{prefix}sensors.csv"
     if not options.redraw:
@@ -108,7 +108,7 @@ def main(options: Sensors) -> None:
 
 
 def costs(options: Sensors) -> Iterator[dict[str, Value]]:
-    """Predicted errors by estimator, parameter and sensor; of a filter, with its best bandwidth."""
+    """Yield predicted half-widths by sensor, estimator and parameter, with the best bandwidth."""
     system, least = motor.system(), lower_bound(motor.system(), motor.limits()).value
     motion = read_trajectory(trajectory_path(options.motions, Cell(ONE_MOTION, HORIZON)))
     whole = [(period, resolution) for period in PERIODS for resolution in RESOLUTIONS]
@@ -124,7 +124,7 @@ def costs(options: Sensors) -> Iterator[dict[str, Value]]:
 
 
 def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
-    """Of the last of two readings of a log, the second with the box that the first left."""
+    """Return the smallest bounds after two passes over a log, the second with a narrower box."""
     narrow, bounds = system, np.full(len(system.names), np.inf)
     for _ in range(PASSES):
         found = way.estimates(way.rows(narrow, log, state_bounds(narrow, log)), log.period)
@@ -135,7 +135,7 @@ def least_bounds(system: System, log: Log, way: Way) -> Float[np.ndarray, " m"]:
 
 
 def draw(path: Path, rows: list[dict[str, str]]) -> None:
-    """Draw the rows of sensors.csv, over encoder resolutions above and over periods below."""
+    """Draw the rows of sensors.csv, over encoder resolution above and over sample period below."""
     canvas, panels = plots.figure(2, len(STUDIED), (11.0, 7.0))
     sides = (
         ("resolution_m", "period_s", motor.CONTROL_PERIOD,

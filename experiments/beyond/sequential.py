@@ -1,8 +1,9 @@
-"""Identify, shrink the box, design again: three rounds on the simulated motor, sequential.csv.
+"""Identify, narrow the prior box, design again: three rounds on the simulated motor.
 
-A smaller box allows more acceleration (18), and with more acceleration a log proves more of M. Of
-the other parameters no log can promise much more than the first one does, by the lower bound; but
-what is possible of them shrinks with every log, as far as its data happen to be lucky.
+The results are sequential.csv and sequential.png. A smaller box allows more acceleration by (18),
+and with more acceleration a log narrows M further. For the other parameters, by the lower bound, no
+log can promise much more than the first one does. The feasible parameter set still shrinks with
+every log whose data happen to be favourable.
 """
 
 from collections.abc import Iterator, Sequence
@@ -42,13 +43,13 @@ from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
 from jaxid.search.effort import Effort
 
-JERKS = (1000.0, 3000.0)  # m/s³; with the second more acceleration can be used
-# N_i of each round: with a jerk of 1000 m/s³ a second motion of 0.6 s would prove of M no more than
-# the data of the first happen to leave. What the time alone is worth is `alone_first_limits`.
+JERKS = (1000.0, 3000.0)  # m/s³; with the second, motions can use more acceleration
+# N_i of each round: with a jerk of 1000 m/s³, a second motion of 0.6 s would narrow M no further
+# than the data of the first happen to. `alone_first_limits` shows the effect of the duration alone.
 HORIZONS = (HORIZON, 2 * HORIZON, 2 * HORIZON)
-# of what the motion before proves: if no lower bound is below it, nothing can be gained
+# a parameter can improve if its lower bound is below this share of its last predicted error
 _WORTH = 0.98
-_NEAR = 1.02  # of the best for one parameter, that a motion for all of them is to reach
+_NEAR = 1.02  # target of a motion for all parameters, relative to the best for one alone
 COLUMNS = (
     "jerk_m_s3", "round", "N", "parameter", "acceleration_m_s2", "theta_true", "alone",
     "alone_first_limits", "lower_bound", "bound", "lower", "upper",
@@ -58,14 +59,14 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Sequential(Toys):
-    """Three experiments, each under the limits that the box left by the one before allows.
+    """Three experiments in sequence; each narrows the prior box and so widens the next limits.
 
     Attributes:
-        out: the folder of sequential.csv, sequential.png and the motions of all rounds.
-        seed: of the searches.
+        out: folder for sequential.csv, sequential.png and the motions of all rounds.
+        seed: seed of the searches.
         redraw: use the motions in `out` instead of searching.
-        toy: one jerk limit, two rounds, hardly searched, and for fewer parameters: only shows that
-            everything runs.
+        toy: run one jerk limit, two rounds and fewer parameters with minimal effort, only to show
+            that everything works.
     """
 
     out: Path = Path("figures")
@@ -74,22 +75,23 @@ class Sequential(Toys):
     toy: bool = False
 
     def path(self, jerk: float, number: int, first_limits: bool = False) -> Path:
-        """Of the motion of a round, under its limits or those of the first one."""
+        """Return the file of a round's motion, for its own limits or those of the first round."""
         return self.named(f"sequential_{jerk:g}_{number}{'_first' * first_limits}.csv")
 
 
 class Round(NamedTuple):
-    """One experiment.
+    """One experiment and its results.
 
     Attributes:
-        log: of it.
-        motion: that was run.
-        limits: that the box before it allows.
-        least: the lower bound under them: no motion within them can promise less.
-        alone: by this log.
-        alone_first_limits: by one as long under the limits of the first box, if that was tried.
-        found: by all logs so far together.
-        left: all that they leave possible: the box of the next round.
+        log: log of the experiment.
+        motion: motion that was run.
+        limits: limits that the prior box of this round allows.
+        least: lower bound on the half-widths that any motion within these limits can promise.
+        alone: estimate with guaranteed intervals from this log alone.
+        alone_first_limits: the same from the log of a motion as long as this one, within the limits
+            of the first round, if there is one.
+        found: estimate with guaranteed intervals from all logs so far.
+        left: feasible parameter set of all logs so far, the prior box of the next round.
     """
 
     log: Log
@@ -103,7 +105,7 @@ class Round(NamedTuple):
 
 
 def main(options: Sequential) -> None:
-    """Design, run, identify, shrink; save and draw."""
+    """Run all rounds, and write, draw and print the results."""
     jerks, horizons = (JERKS[:1], HORIZONS[:2]) if options.toy else (JERKS, HORIZONS)
     rows: list[dict[str, Cell]] = []
     logs: list[Log] = []
@@ -137,7 +139,7 @@ def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> It
         left = feasible_set(together.rows, [together.estimate], KNOTS)
         alone = guaranteed_intervals(first, [log]).estimate
         control = None
-        if done and horizon > done[-1].motion.jerk.size // 2:  # what the time alone is worth
+        if done and horizon > done[-1].motion.jerk.size // 2:  # the effect of the duration alone
             path = options.path(jerk, number, first_limits=True)
             usual = chosen(options, path, allowed(first, jerk), horizon, done)
             control = guaranteed_intervals(first, [measured(known, usual)]).estimate
@@ -150,7 +152,7 @@ def experiments(options: Sequential, jerk: float, horizons: Sequence[int]) -> It
 def chosen(
     options: Sequential, path: Path, limits: Limits, horizon: int, done: Sequence[Round]
 ) -> JerkTrajectory:
-    """The motion for a round, kept in a file."""
+    """Return the motion of a round, and keep it in a file."""
     if not options.redraw:
         task = Task(limits, motor.boundary(), 2 * horizon, motor.KNOT_PERIOD)
         write_trajectory(path, designed(options, task, done))
@@ -158,20 +160,24 @@ def chosen(
 
 
 def allowed(system: System, jerk: float) -> Limits:
-    """(18) with the box as it is now: the better it is known, the faster the axis may be moved."""
+    """Return the limits with (18) for the current box: a smaller box permits more acceleration."""
     usual = motor.limits()
     box = {name: tuple(getattr(usual, name).tolist()) for name in ("position", "velocity", "input")}
     return Limits(acceleration=acceleration_limit(system, **box), jerk=(-jerk, jerk), **box)
 
 
 def designed(options: Sequential, task: Task, done: Sequence[Round]) -> JerkTrajectory:
-    """For what the log will prove by itself: more where there is room, elsewhere hardly less."""
+    """Return the motion of the next round, designed for the predicted half-widths of its own log.
+
+    Parameters that can improve, by their lower bound, get smaller targets; the targets of the
+    others are their predicted errors of the round before.
+    """
     effort = TOY if options.toy else Effort()
     key = jax.random.fold_in(jax.random.key(options.seed), len(done))
     if not done:
         return one_motion(task, key, effort)
     before, least = done[-1].motion, lower_bound(motor.system(), task.limits).value
-    # a motion that was designed for other limits is as good a start, and may stay
+    # the motion before, designed for other limits, is one of the starts and may be kept
     starts = [key, before] if before.jerk.size == task.intervals else [key]
     proved = targets = expected(before)
     improvable = np.flatnonzero(least < _WORTH * proved)
@@ -188,9 +194,10 @@ def best(
     starts: Sequence[jax.Array | JerkTrajectory],
     effort: Effort,
 ) -> tuple[Float[Array, " m"], JerkTrajectory]:
-    """What is expected of the best design from several starts, and the motion.
+    """Return the predicted errors and the motion of the best design from several starts.
 
-    By the error that is designed for; so that a start which is a motion is never made worse.
+    Designs are compared by the error that they are designed for, so that a start which is a motion
+    is never made worse.
     """
     criterion, found = motor.predicted_error(targets), []
     for k, start in enumerate(starts):
@@ -201,19 +208,19 @@ def best(
 
 
 def expected(motion: JerkTrajectory) -> Float[Array, " m"]:
-    """Errors, should the velocity miss that of the motion as the servo may, where δ jumps."""
+    """Return the predicted errors, with allowance for the servo's velocity error where δ jumps."""
     task = Task(motor.limits(), motor.boundary(), motion.jerk.size, motor.KNOT_PERIOD)
     near = motor.predicted_error(motor.system().half_widths).near(task, motion)
     return near.errors(motion, jnp.zeros(()))
 
 
 def measured(system: System, motion: JerkTrajectory) -> Log:
-    """The motor's log of it, tracked by a law that knows the box as it is now."""
+    """Return the motor's log of a motion, with a controller that knows the current box."""
     return run(motor.plant(), ARC(system, **motor.ARC_GAINS), motor.servo(), motion).log
 
 
 def rows_of(jerk: float, number: int, done: Round) -> list[dict[str, Cell]]:
-    """For the table."""
+    """Return the table rows of one round, one per parameter."""
     found, left, control = done.found, done.left, done.alone_first_limits
     return [
         {
@@ -237,7 +244,7 @@ def rows_of(jerk: float, number: int, done: Round) -> list[dict[str, Cell]]:
 
 
 def draw(path: Path, rows: Sequence[dict[str, Cell]]) -> None:
-    """Intervals by round, from all logs so far."""
+    """Draw the intervals from all logs so far, by round."""
     names = motor.system().names
     canvas, panels = plots.figure(1, len(names), (11.0, 4.4))
     jerks = list(dict.fromkeys(float(row["jerk_m_s3"] or 0) for row in rows))

@@ -35,19 +35,19 @@ COMMAND = "python -m experiments.beyond.sweep"
 class Sweep:
     """Closed loops on the motor: motions × gains × scenarios, each filtered with every bandwidth.
 
-    It may be interrupted, or killed, at any time: the same command goes on where it stopped. No
-    result depends on the devices and processes that share the work.
+    A sweep may be interrupted or killed at any time: the same command continues it. No result
+    depends on the devices and processes that share the work.
 
     Attributes:
-        out: the folder that sweep.nc and the heat maps are written to, and blocks on the way.
-        motions: the folder with the trajectories of the study.
-        seed: of the random parameters and disturbances.
+        out: folder for sweep.nc and the heat maps, and for finished blocks during the sweep.
+        motions: folder with the trajectories of the study.
+        seed: seed of the random parameters and disturbances.
         redraw: draw the sweep.nc in `out` again instead of computing it.
-        toy: a few closed loops only, to show that everything runs.
-        devices: how many blocks this process computes at once; default one per processor.
-        coordinator: host:port, a free port of process 0: for several processes without Slurm.
-        processes: how many processes share the work, all with one `out`; Slurm knows by itself.
-        process_id: which of them this is, from 0; Slurm knows by itself.
+        toy: run a few closed loops, only to show that everything works.
+        devices: number of blocks that this process computes at once; default one per processor.
+        coordinator: host:port with a free port of process 0, for several processes without Slurm.
+        processes: number of processes that share the work, all with one `out`; Slurm sets it.
+        process_id: number of this process, from 0; Slurm sets it.
     """
 
     out: Path = Path("figures")
@@ -62,23 +62,23 @@ class Sweep:
 
     @property
     def file(self) -> Path:
-        """The data set."""
+        """The file of the data set."""
         return self.out / "sweep.nc"
 
     @property
     def folder(self) -> Path:
-        """The finished blocks of a sweep under way."""
+        """The folder of the finished blocks of an unfinished sweep."""
         return self.out / "sweep.blocks"
 
     @property
     def cells(self) -> list[Cell]:
-        """The designs to sweep; some have no motion."""
+        """The designs to sweep; infeasible ones have no motion."""
         few = slice(2 if self.toy else None)
         return [Cell(name, horizon) for name in STUDIED[few] for horizon in motor.HORIZONS[few]]
 
 
 def main(options: Sweep) -> None:
-    """Compute, save, draw, print."""
+    """Compute the sweep, save it, draw the heat maps, and print a summary."""
     if options.redraw:
         dataset = read_dataset(options.file)
     else:
@@ -92,7 +92,7 @@ def main(options: Sweep) -> None:
 
 
 def compute(options: Sweep) -> xr.Dataset | None:
-    """This process's share of the sweep; process 0 returns all of it."""
+    """Compute this process's share of the sweep; return the data set in process 0, else None."""
     devices = options.devices or processors()
     connect(devices, options.coordinator, options.processes, options.process_id)
     swept, labels = study(options)
@@ -114,7 +114,7 @@ def compute(options: Sweep) -> xr.Dataset | None:
 
 
 def summary(dataset: xr.Dataset) -> str:
-    """Return how often the true parameters are outside θ̂ ± J_f, which (29) promises never to be."""
+    """Return a sentence on how often true parameters are outside θ̂ ± J_f, in violation of (29)."""
     loops, diverged = dataset.tracking_error.count(), np.isinf(dataset.tracking_error).sum()
     kept = dataset.outside.where(np.isfinite(dataset.tracking_error))
     return (
@@ -124,7 +124,7 @@ def summary(dataset: xr.Dataset) -> str:
 
 
 def study(options: Sweep) -> tuple[Grid, Labels]:
-    """What is swept, and its names."""
+    """Return the grid of the sweep, and the names along its axes."""
     paths = {cell: trajectory_path(options.motions, cell) for cell in options.cells}
     motions = {cell: read_trajectory(path) for cell, path in paths.items() if path.exists()}
     few = slice(3 if options.toy else None)
@@ -151,7 +151,7 @@ def study(options: Sweep) -> tuple[Grid, Labels]:
 
 
 def gains() -> dict[str, ARC]:
-    """The study's gains, and one after the other changed."""
+    """Return the gains of the study, and variants of them with one gain changed."""
     chosen = motor.controller()
 
     def with_(name: str, factor: float) -> ARC:
@@ -171,7 +171,7 @@ def gains() -> dict[str, ARC]:
 
 
 def labelled_shares(shares: np.ndarray) -> dict[str, tuple[str, list[float]]]:
-    """For the data set."""
+    """Return the shares of each disturbance, with descriptions for the data set."""
     kinds = {
         "own": ("share of the axis's own disturbance", 1),
         "random": ("share of δ drawn at random", 0),
@@ -181,7 +181,7 @@ def labelled_shares(shares: np.ndarray) -> dict[str, tuple[str, list[float]]]:
 
 
 def scenarios(seed: int) -> dict[str, tuple[ArrayLike, ArrayLike]]:
-    """True parameters, and what share of each disturbance acts on the axis."""
+    """Return true parameters and shares of the disturbances, by the name of the scenario."""
     system = motor.system()
     shares = np.asarray(jax.random.uniform(jax.random.key(seed), (3, len(system.names))))
     lower, upper = np.asarray(system.lower), np.asarray(system.upper)

@@ -1,4 +1,4 @@
-"""Design, run and identify the paper's motor; leave its tables and figures in a folder."""
+"""Design, run and identify the motor of the paper, and write its tables and figures to a folder."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,11 +33,11 @@ class Study:
     """The paper's experiment on its linear motor, from the design to the tables.
 
     Attributes:
-        out: the folder that the tables, trajectories and figures are written to.
-        seed: of every random choice.
-        processes: how many searches run side by side; the results do not depend on it.
+        out: folder for the tables, trajectories and figures.
+        seed: seed of every random choice.
+        processes: number of searches that run in parallel; the results do not depend on it.
         redraw: use the trajectories in `out` instead of searching.
-        toy: search hardly at all: only shows that everything runs.
+        toy: run with minimal effort, only to show that everything works.
     """
 
     out: Path = Path("figures")
@@ -48,17 +48,17 @@ class Study:
 
     @property
     def horizons(self) -> tuple[int, ...]:
-        """The N_i to try."""
+        """The horizons N_i to try."""
         return motor.HORIZONS[:2] if self.toy else motor.HORIZONS
 
     @property
     def plants(self) -> int:
-        """How many random plants the bound is tried on."""
+        """The number of random plants on which the bound (29) is tested."""
         return 4 if self.toy else 100
 
 
 def main(study: Study) -> None:
-    """Compute, save, draw, print."""
+    """Compute the study, and write and print its tables and figures."""
     if not study.redraw:
         search(study)
     trajectories = saved_trajectories(study)
@@ -82,7 +82,7 @@ def main(study: Study) -> None:
 
 
 def search(study: Study) -> None:
-    """All designs, each written as soon as it is found."""
+    """Search all designs, and write each motion as soon as it is found."""
     effort = designs.TOY if study.toy else Effort()
     chains = designs.study(study.horizons)
     total = sum(map(len, chains))
@@ -98,7 +98,7 @@ def search(study: Study) -> None:
 
 
 def saved_trajectories(study: Study) -> dict[Cell, JerkTrajectory]:
-    """What the search has left, read from the files: an infeasible cell has none."""
+    """Return the motions in the files of the search; an infeasible cell has none."""
     wanted = [cell for chain in designs.study(study.horizons) for cell in chain]
     paths = {cell: trajectory_path(study.out, cell) for cell in wanted}
     return {cell: read_trajectory(path) for cell, path in paths.items() if path.exists()}
@@ -107,7 +107,10 @@ def saved_trajectories(study: Study) -> dict[Cell, JerkTrajectory]:
 def choose(
     study: Study, trajectories: Mapping[Cell, JerkTrajectory], errors: Mapping[Cell, tables.Errors]
 ) -> dict[Cell, JerkTrajectory]:
-    """For each parameter the horizon with the smallest J*; its motion as trajectory_<name>.csv."""
+    """Return for each parameter the motion of the horizon with the smallest J*.
+
+    Each motion is also written as trajectory_<name>.csv.
+    """
     chosen = {}
     for index, name in enumerate(STUDIED):
         own = {c.horizon: float(e[index]) for c, e in errors.items() if c.target == name}
@@ -123,7 +126,7 @@ def save_tables(
     loops: Mapping[Cell, runs.ClosedLoopRun],
     pulses: Mapping[float, runs.OpenLoopRun],
 ) -> list[str]:
-    """The CSV files, and the same as text."""
+    """Write the tables as CSV files, and return them as text."""
     made = {
         "table1": (
             tables.table_1(errors, STUDIED, study.horizons),
@@ -150,24 +153,26 @@ def save_tables(
 def kept(
     study: Study, loops: Mapping[Cell, runs.ClosedLoopRun], chosen: Mapping[Cell, JerkTrajectory]
 ) -> list[str]:
-    """Is (29) kept on random plants with the worst Δ, with exact and with measured signals?"""
+    """Return sentences on whether (29) holds for random plants under the worst-case disturbance.
+
+    It is tested with exact signals and with measured ones.
+    """
     lines = []
     for cell, loop in loops.items():
         index = motor.system().index(cell.target)
         count = runs.misses(loop, chosen[cell], index, study.plants, study.seed)
         lines.append(
-            f"{cell.target}: θ outside θ̂ ± J_f in {int(count.exact[index])} of {count.experiments} "
-            f"experiments with exact signals; with a {motor.ENCODER_RESOLUTION * 1e6:g} µm encoder "
-            f"in {int(count.printed[index])} with (28) as printed, in {int(count.measured[index])} "
-            "with differences that lag alike in every column."
+            f"{cell.target}: θ is outside θ̂ ± J_f in {int(count.exact[index])} of "
+            f"{count.experiments} experiments with exact signals. With an encoder of "
+            f"{motor.ENCODER_RESOLUTION * 1e6:g} µm it is outside in {int(count.printed[index])} "
+            f"with (28) as printed, and in {int(count.measured[index])} with differences that have "
+            "the same lag in every column."
         )
-    return [
-        "\n".join([f"Is (29) a certificate? Random plants, worst Δ, seed {study.seed}.", *lines])
-    ]
+    return ["\n".join([f"Does (29) hold? Random plants, worst-case Δ, seed {study.seed}.", *lines])]
 
 
 def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[str]:
-    """How far are designs from the lower bound, and what does one run of the best one guarantee?"""
+    """Write and return the tables of optimality gaps and of the guaranteed intervals of one run."""
     least = lower_bound(motor.system(), motor.limits())
     motions = tqdm(trajectories.items(), "certificates")
     worths = {cell: certificates.worth(motion, least) for cell, motion in motions}
@@ -186,17 +191,17 @@ def certify(study: Study, trajectories: Mapping[Cell, JerkTrajectory]) -> list[s
     )
     return [
         certificate_tables.table_4(shown).text(TABLE_4_TITLE),
-        proved.text("One experiment of 0.6 s: what its log proves, beside the paper's three"),
+        proved.text("Guaranteed intervals from one experiment of 0.6 s, beside the paper's three"),
         rests,
     ]
 
 
 TABLE_4_TITLE = (
-    f"Table 4, N = {HORIZON}: worst-case errors by estimator, guaranteed with servo and encoder, "
-    "certified lower bound"
+    f"Table 4, N = {HORIZON}: worst-case errors by estimator, predicted half-widths with servo "
+    "and encoder, proved lower bounds"
 )
 LIMITS_TITLE = (
-    "What the axis did (true position and velocity, commanded input): "
+    "Ranges of the axis (true position and velocity, commanded input): "
     "the design keeps the limits for the reference only"
 )
 

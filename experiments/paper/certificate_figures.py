@@ -1,4 +1,4 @@
-"""How far designs are from the lower bound, and what one experiment guarantees."""
+"""Figures of the optimality gaps of designs, and of the guaranteed intervals of one experiment."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ _MARKS = {
 
 
 def above_floor(folder: Path, worths: Mapping[str, Worth]) -> None:
-    """Errors over the certified lower bound: one panel per parameter, one column per design."""
+    """Draw errors relative to the lower bound: one panel per parameter, one column per design."""
     names = motor.system().names
     canvas, panels = plots.figure(1, len(names), (11.0, 4.4))
     for k, (panel, name) in enumerate(zip(panels, names, strict=True)):
@@ -37,7 +37,7 @@ def above_floor(folder: Path, worths: Mapping[str, Worth]) -> None:
         x = np.arange(len(worths))
         for values, (label, (mark, colour)) in zip(columns, _MARKS.items(), strict=True):
             style = {"markersize": 8, "markeredgewidth": 1.8, "linestyle": "none"}
-            style |= {"markerfacecolor": "none" if mark == "D" else colour}  # both stay visible
+            style |= {"markerfacecolor": "none" if mark == "D" else colour}  # both marks visible
             panel.plot(x, values / floor, mark, color=colour, label=label, **style)
         panel.axhline(1.0, color=plots.BLACK, linewidth=1.2)
         designs = [SYMBOLS.get(design, design.replace("_", "\n")) for design in worths]
@@ -54,7 +54,7 @@ def above_floor(folder: Path, worths: Mapping[str, Worth]) -> None:
 
 
 def possible(folder: Path, proof: Proof) -> None:
-    """Two parameters at a time: prior box, guaranteed intervals, feasible set, truth."""
+    """Draw planes of two parameters: prior box, guaranteed intervals, feasible set, true values."""
     system = motor.system()
     canvas, panels = plots.figure(2, 2, (9.0, 8.0))
     found = proof.guarantee.estimate
@@ -78,7 +78,7 @@ def possible(folder: Path, proof: Proof) -> None:
 
 
 def overview(folder: Path, motion: JerkTrajectory, proof: Proof) -> None:
-    """For the README: one motion within its limits, and the intervals that its log guarantees."""
+    """Draw the picture of the README: a motion within its limits, and its guaranteed intervals."""
     system, limits = motor.system(), motor.limits()
     canvas = plots.Figure(figsize=(11.0, 4.6), layout="constrained")
     grid = canvas.add_gridspec(2, 2, width_ratios=(1.0, 1.1))
@@ -99,7 +99,7 @@ def overview(folder: Path, motion: JerkTrajectory, proof: Proof) -> None:
 
 
 def _guaranteed(panel: plots.Axes, system: System, proof: Proof) -> None:
-    """Intervals relative to the prior interval: prior, the paper's three experiments, one run."""
+    """Draw prior intervals, the paper's intervals and those of one run, relative to the prior."""
     centre, half = np.asarray(system.centre), np.asarray(system.half_widths)
     paper = [motor.PAPER_TABLE_2.get(name, (np.nan, np.nan)) for name in system.names]
     hat, error = (np.array(column) for column in zip(*paper, strict=True))

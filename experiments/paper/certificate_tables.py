@@ -1,4 +1,4 @@
-"""Table 4, and what one experiment proves beside the paper's three."""
+"""Table 4, and the guaranteed intervals of one experiment beside the paper's three."""
 
 from collections.abc import Mapping
 
@@ -26,7 +26,7 @@ _ESTIMATORS = {
 
 
 def table_4(worths: Mapping[Cell, Worth]) -> Table:
-    """Errors of each design by every estimator; gap = predicted / lower bound − 1."""
+    """Return table 4: errors of each design by every estimator, and predicted / lower bound − 1."""
     rows: list[Row] = []
     for cell, (evaluation, errors) in worths.items():
         evaluated = rows_of({cell.label: evaluation}, "design", motor.system().names)
@@ -37,7 +37,7 @@ def table_4(worths: Mapping[Cell, Worth]) -> Table:
 
 
 def proved(proof: Proof, floor: Errors) -> Table:
-    """One experiment: the interval of each parameter, and that of the feasible set."""
+    """Return a table of guaranteed intervals and of the feasible set, from one experiment."""
     found, left = proof.guarantee.estimate, proof.left
     possible = jnp.stack([left.lower, left.upper, (left.upper - left.lower) / 2], axis=1)
     rows: list[Row] = []

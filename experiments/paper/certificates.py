@@ -1,4 +1,4 @@
-"""How good the designs are, and what one run guarantees: errors, lower bound, feasible set."""
+"""The evaluation of designs, and the guaranteed results of one run: intervals and feasible set."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -20,17 +20,17 @@ from jaxid.regression.estimators import ESTIMATORS
 from jaxid.regression.lower_bound import LowerBound
 from jaxid.regression.worst_case import affine_worst_case_error
 
-KNOTS = 150  # of a feasible set; twice as many leave 3 % less of it
+KNOTS = 150  # weights per feasible set; twice as many make it 3 % smaller
 PLANES = (("M", "B"), ("M", "Fc"), ("B", "Fc"), ("Fc", "dbar"))
-_NODES = 256  # per interval, of the errors of the estimators: twice as many change less than 1e-3
+_NODES = 256  # per interval, for errors of estimators: twice as many change them less than 1e-3
 
 
 class Worth(NamedTuple):
-    """The errors of a motion, for each parameter.
+    """The evaluation of a motion for each parameter.
 
     Attributes:
-        evaluation: least-squares and predicted errors, lower bounds.
-        errors: worst-case errors on the desired motion by other estimators, shape (m,) each.
+        evaluation: least-squares errors, predicted half-widths and lower bounds.
+        errors: worst-case errors of other estimators on the desired motion, shape (m,) each.
     """
 
     evaluation: Evaluation
@@ -38,13 +38,13 @@ class Worth(NamedTuple):
 
 
 class Proof(NamedTuple):
-    """What the log of one experiment proves.
+    """The guaranteed results from the log of one experiment.
 
     Attributes:
-        assumptions: sentences that state what all of these intervals assume.
-        guarantee: by the weights that were best before the data.
-        left: intervals of the feasible set.
-        projections: of the same, by pair of parameters.
+        assumptions: sentences that state the assumptions of all these intervals.
+        guarantee: guaranteed intervals, with weights that were chosen before the data were known.
+        left: intervals of the feasible parameter set.
+        projections: projections of the feasible parameter set, by pair of parameters.
     """
 
     assumptions: tuple[str, ...]
@@ -54,7 +54,7 @@ class Proof(NamedTuple):
 
 
 def worth(motion: JerkTrajectory, least: LowerBound) -> Worth:
-    """Before the experiment."""
+    """Return the evaluation of a motion before the experiment."""
     return Worth(evaluate(motor.system(), motion, motor.servo(), least), _errors(motion))
 
 
@@ -70,7 +70,7 @@ def _errors(motion: JerkTrajectory) -> dict[str, Float[Array, " m"]]:
 
 
 def experiment(motion: JerkTrajectory) -> Proof:
-    """One run of the motion on the simulated motor, with its encoder, cogging and friction."""
+    """Return the guaranteed results of one run on the simulated motor, from its encoder log."""
     system = motor.system()
     log = run(motor.plant(), motor.controller(), motor.servo(), motion).log
     found = guaranteed_intervals(system, [log])

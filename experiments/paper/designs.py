@@ -1,4 +1,4 @@
-"""Table I: one motion per parameter and horizon, searched in as many processes as asked for."""
+"""The designs of Table I, one motion per parameter and horizon, searched by several processes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from jaxid.regression.worst_case import infinity
 from jaxid.search.effort import Effort
 
 STUDIED = ("M", "B", "Fc")
-INFINITY = "infinity"  # the largest error relative to the prior box
-ONE_MOTION = "one_motion"  # the largest predicted error relative to its lower bound
-HORIZON = 30  # of the motions that are not for one parameter of Table I
-# predicted errors of the one motion that are permitted, relative to the lower bounds
+INFINITY = "infinity"  # target: the largest error relative to the prior box
+ONE_MOTION = "one_motion"  # target: the largest predicted error over its lower bound
+HORIZON = 30  # horizon of motions other than those of Table I
+# targets for the predicted errors of the motion for all parameters, relative to the lower bounds
 ALLOWED = (1.06, 1.015, 1.02, 1.01)
 
-# only shows that everything runs
+# minimal effort, only to show that everything works
 TOY = Effort(
     starts=8,
     generations=0,
@@ -47,56 +47,56 @@ TOY = Effort(
 
 @dataclass(frozen=True)
 class Cell:
-    """One design: what it is for, and its horizon N_i; its motion lasts 2·N_i intervals."""
+    """One design: its target and its horizon N_i; its motion has 2·N_i intervals."""
 
     target: str
     horizon: int
 
     @property
     def intervals(self) -> int:
-        """Of constant jerk."""
+        """The number of intervals of constant jerk."""
         return 2 * self.horizon
 
     @property
     def label(self) -> str:
-        """Of the design in a table."""
+        """The name of the design in a table."""
         return self.target if self.target == ONE_MOTION else f"lse_{self.target}"
 
 
 @dataclass(frozen=True)
 class Found:
-    """The jerk of a cell's motion; None, and the reason, where there is none."""
+    """The result of one search: the jerk of the motion in m/s³, or None with the reason."""
 
     cell: Cell
     jerk: Float[np.ndarray, " n"] | None
     reason: str = ""
 
     def trajectory(self) -> JerkTrajectory:
-        """The motion."""
+        """Return the motion that was found."""
         assert self.jerk is not None, self.reason
         return uniform(motor.boundary().start, jnp.asarray(self.jerk), motor.KNOT_PERIOD)
 
 
 def trajectory_path(folder: Path, cell: Cell) -> Path:
-    """Where the motion of a cell is kept."""
+    """Return the file of the motion of a cell."""
     if cell == Cell(ONE_MOTION, HORIZON):
         return folder / "trajectory_minimax.csv"
     return folder / f"trajectory_{cell.target}_N{cell.horizon}.csv"
 
 
 def table_1(horizons: tuple[int, ...]) -> list[list[Cell]]:
-    """Chains of cells; in a chain each search starts from the motion of the one before."""
+    """Return the chains of cells of Table I; each search starts from the motion before it."""
     return [[Cell(name, horizon) for horizon in horizons] for name in reversed(STUDIED)]
 
 
 def study(horizons: tuple[int, ...]) -> list[list[Cell]]:
-    """Table I, and at one horizon all parameters at once, in two ways, and the offset."""
+    """Return all chains: Table I, and at one horizon two designs for all parameters and d̄."""
     others = [Cell(target, HORIZON) for target in (ONE_MOTION, INFINITY, "dbar")]
     return [*table_1(horizons), *([cell] for cell in others)]
 
 
 def search(chains: list[list[Cell]], effort: Effort, seed: int, processes: int) -> Iterator[Found]:
-    """The results as they come. They do not depend on how many processes share the work."""
+    """Yield the results as they are completed; they do not depend on the number of processes."""
     size = max(cell.intervals for chain in chains for cell in chain)
     yield from chained(partial(_search_cell, effort, seed, size), chains, processes)
 
@@ -124,6 +124,6 @@ def _search_cell(effort: Effort, seed: int, size: int, cell: Cell, shorter: Foun
 
 
 def one_motion(task: Task, key: PRNGKeyArray, effort: Effort) -> JerkTrajectory:
-    """Good for all parameters at once: its predicted errors compared with what is allowed."""
+    """Return a motion for all parameters, optimal for predicted errors relative to `ALLOWED`."""
     targets = jnp.asarray(ALLOWED) * lower_bound(motor.system(), task.limits).value
     return optimal_motion(task, motor.predicted_error(targets), key, effort=effort).trajectory

@@ -1,4 +1,4 @@
-"""Figures 1 to 10, drawn from arrays that were computed before."""
+"""Figures 1 to 10 of the study, drawn from computed arrays."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,7 +19,7 @@ SYMBOLS = {"M": "M", "B": "B", "Fc": "$F_c$", "dbar": r"$\bar d$"}
 
 
 def desired(folder: Path, trajectories: Trajectories) -> None:
-    """Figures 1 to 3: the optimal desired motions."""
+    """Draw figures 1 to 3: the optimal desired motions."""
     limits = np.asarray(motor.limits().motion)
     for number, (cell, trajectory) in enumerate(trajectories.items(), start=1):
         canvas, panels = plots.figure(3, 1, (7.0, 7.5))
@@ -32,7 +32,7 @@ def desired(folder: Path, trajectories: Trajectories) -> None:
 
 
 def tracking(folder: Path, loops: Mapping[Cell, ClosedLoopRun]) -> None:
-    """Figures 4 to 6: control input and tracking error."""
+    """Draw figures 4 to 6: control input and tracking error."""
     for number, (cell, loop) in enumerate(loops.items(), start=4):
         signals = loop.signals
         canvas, (above, below) = plots.figure(2, 1, (7.0, 6.0))
@@ -46,7 +46,7 @@ def tracking(folder: Path, loops: Mapping[Cell, ClosedLoopRun]) -> None:
 
 
 def open_loop(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
-    """Figures 7 and 8: pulses and the position that they lead to."""
+    """Draw figures 7 and 8: pulses and the resulting position."""
     for number, amplitude in enumerate(motor.OPEN_LOOP_AMPLITUDES, start=7):
         signals = runs[amplitude].signals
         canvas, (above, below) = plots.figure(2, 1, (7.0, 6.0))
@@ -59,7 +59,7 @@ def open_loop(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
 
 
 def bandwidth(folder: Path, sweeps: Mapping[Cell, Sweep], errors: Mapping[Cell, Errors]) -> None:
-    """Figure 9: J_f over the bandwidth divided by J*, and the two error terms of (30)."""
+    """Draw figure 9: J_f / J* over the bandwidth, and the two error terms of (30)."""
     canvas, panels = plots.figure(2, 2, (9.0, 7.0))
     w = np.asarray(BANDWIDTHS)
     for panel, (cell, sweep) in zip(panels, sweeps.items(), strict=False):
@@ -80,13 +80,13 @@ def bandwidth(folder: Path, sweeps: Mapping[Cell, Sweep], errors: Mapping[Cell, 
     title = f"Errors of the filtered acceleration, motion for {next(iter(sweeps)).target}"
     plots.label(terms, "filter bandwidth w (rad/s)", "rms (m/s²)", title)
     names = ("tracking error, exact signals", "tracking error, 0.5 µm encoder", "lag of the filter")
-    terms.set_ylim(top=3e3)  # room for the legend above the lines
+    terms.set_ylim(top=3e3)  # space for the legend above the lines
     terms.legend(names, fontsize=10, loc="upper center")
     plots.save(canvas, folder / "fig9.png")
 
 
 def amplitudes(folder: Path, runs: Mapping[float, OpenLoopRun]) -> None:
-    """Figure 10: what larger open-loop pulses gain, and where the stroke ends."""
+    """Draw figure 10: error bounds and travel over the amplitude of open-loop pulses."""
     canvas, (above, below) = plots.figure(2, 1, (7.0, 7.0))
     x = np.array(sorted(runs))
     half = np.asarray(motor.system().half_widths)
@@ -116,12 +116,12 @@ def tube(
     """Draw proved and simulated ranges of the axis around its motion, and the limits.
 
     Args:
-        path: of the picture.
-        planned: the motion at the ticks of the envelopes.
-        proved: range over all plants, proved.
-        simulated: range over the plants that were simulated.
-        limits: of the axis.
-        name: of the parameter that the motion is for.
+        path: file of the picture.
+        planned: motion at the samples of the envelopes.
+        proved: proved range over all plants.
+        simulated: range over the simulated plants.
+        limits: limits of the axis.
+        name: parameter that the motion is designed for.
     """
     canvas, panels = plots.figure(3, 1, (7.5, 8.5))
     time = motor.CONTROL_PERIOD * np.arange(1, planned.position.size + 1)
@@ -143,7 +143,7 @@ def tube(
         plots.label(panel, "", text)
     title = f"Motion for {SYMBOLS[name]}: every plant of the prior box stays within the limits"
     panels[0].set_title(title, fontsize=12)
-    panels[0].set_ylim(top=1.4 * panels[0].get_ylim()[1])  # room for the legend
+    panels[0].set_ylim(top=1.4 * panels[0].get_ylim()[1])  # space for the legend
     names = ("proved for every plant", "simulated corners of the box")
     panels[0].legend(names, fontsize=10, loc="upper center", ncols=2)
     limit = panels[-1].lines[0]

@@ -1,4 +1,4 @@
-"""Closed-loop and open-loop experiments on the simulated motor, and what follows from them."""
+"""Closed-loop and open-loop experiments on the simulated motor, and their evaluation."""
 
 from typing import NamedTuple
 
@@ -22,13 +22,13 @@ from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.filters import adjoint, filtered, low_pass
 from jaxid.regression.worst_case import least_squares
 
-PERIODS = 3  # of the motion, from rest; the regression uses all of them
+PERIODS = 3  # repetitions of the motion, from rest; the regression uses all of them
 BANDWIDTHS = (30.0, 50.0, 100.0, 200.0, 300.0, 500.0, 1000.0, 2000.0, 3000.0, 5000.0)  # rad/s
 AMPLITUDES = (0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)  # V
 
 
 class Pulses(NamedTuple):
-    """The open-loop input: ±A in turn. Chosen: the paper does not give its impulses."""
+    """The shape of the open-loop input ±A; chosen, because the paper does not give its impulses."""
 
     width: float = 0.15  # s
     pause: float = 0.05  # s
@@ -45,14 +45,15 @@ class ClosedLoopRun(NamedTuple):
 
 
 class Sweep(NamedTuple):
-    """J_f over the bandwidth w of H_f; every array has one row per bandwidth.
+    """J_f as a function of the bandwidth w of H_f; every array has one row per bandwidth.
 
     Attributes:
-        exact: J_f of every parameter from the exact signals.
-        measured: the same from the quantised positions and their differences.
-        noise: rms over a period of the first term of (30), H_f applied to ÿ − ÿ*: exact signals.
-        measured_noise: the same with the measured acceleration.
-        lag: rms over a period of the second term, (H_f − 1) ÿ*.
+        exact: J_f of every parameter from exact signals.
+        measured: J_f of every parameter from quantised positions and their differences.
+        noise: rms value of the first term of (30), H_f applied to ÿ − ÿ*, from exact signals over
+            the last repetition of the motion, m/s².
+        measured_noise: rms value of the same term with the measured acceleration, m/s².
+        lag: rms value of the second term of (30), (H_f − 1) ÿ*, over the last repetition, m/s².
     """
 
     exact: Float[Array, "w m"]
@@ -63,14 +64,14 @@ class Sweep(NamedTuple):
 
 
 class OpenLoopRun(NamedTuple):
-    """One pulse experiment."""
+    """One experiment with open-loop pulses."""
 
     signals: Signals
     estimate: Estimate
 
 
 def closed_loop(trajectory: JerkTrajectory) -> ClosedLoopRun:
-    """ARC on the encoder; the estimate is made from the exact signals, as Table II is."""
+    """Return a run of ARC with the encoder; its estimate uses the exact signals, as Table II."""
     record, signals, _ = run(
         motor.plant(), motor.controller(), motor.servo(), trajectory, repeats=PERIODS
     )
@@ -79,14 +80,14 @@ def closed_loop(trajectory: JerkTrajectory) -> ClosedLoopRun:
 
 
 def measured(record: Record, signals: Signals) -> Record:
-    """What the encoder's log makes of the same experiment."""
+    """Return the record of the same experiment that the positions of the encoder give."""
     position = Encoder(motor.ENCODER_RESOLUTION).quantise(signals.position)
     return differenced_record(motor.system(), record.input, position, motor.CONTROL_PERIOD)
 
 
 @eqx.filter_jit
 def sweep(loop: ClosedLoopRun) -> Sweep:
-    """Every bandwidth from one simulation."""
+    """Return J_f for every bandwidth, from one simulation."""
     system, period = motor.system(), motor.CONTROL_PERIOD
     logged = measured(loop.record, loop.signals)
     wanted = loop.signals.reference.acceleration
@@ -111,7 +112,14 @@ def sweep(loop: ClosedLoopRun) -> Sweep:
 
 
 class Misses(NamedTuple):
-    """In how many of `experiments` θ was outside θ̂ ± J_f, for each parameter."""
+    """The number of experiments with θ outside θ̂ ± J_f, for each parameter.
+
+    Attributes:
+        exact: number with exact signals, shape (m,).
+        printed: number with an encoder and (28) as printed, shape (m,).
+        measured: number with an encoder and differences of equal lag in all columns, shape (m,).
+        experiments: number of all experiments.
+    """
 
     exact: Int[Array, " m"]
     printed: Int[Array, " m"]
@@ -122,7 +130,10 @@ class Misses(NamedTuple):
 def misses(
     loop: ClosedLoopRun, trajectory: JerkTrajectory, index: int, count: int, seed: int
 ) -> Misses:
-    """Random plants of Ω_θ under the Δ that is worst for parameter `index`: is (29) kept?"""
+    """Return how often (29) fails for random plants under a worst-case disturbance.
+
+    The plants are drawn from Ω_θ, and the disturbance is the worst one for parameter `index`.
+    """
     keys = jax.random.split(jax.random.key(seed), count)
     return Misses(*_misses(loop.record, trajectory, index, keys), count)
 
@@ -150,7 +161,7 @@ def _misses(
             filtered(measured(found, signals), w, period),
         )
         estimates = [least_squares_estimate(record, system) for record in records]
-        # rounding of θ̂ is not a miss
+        # rounding errors of θ̂ do not count as a miss
         outside = [~(jnp.abs(e.theta - theta) <= e.bound * (1 + 1e-9)) for e in estimates]
         return jnp.stack(outside)
 
@@ -159,7 +170,7 @@ def _misses(
 
 
 def open_loop(amplitude: float, shape: Pulses = Pulses()) -> OpenLoopRun:
-    """±A pulses from mid-travel, with the same filter and estimator as in closed loop."""
+    """Return a run of ±A pulses from mid-travel, with filter and estimator of the closed loop."""
     period = motor.CONTROL_PERIOD
     input = pulses(amplitude, shape.width, shape.pause, shape.duration, period)
     rest = States(jnp.full(input.shape, shape.start), *(jnp.zeros(input.shape),) * 2)

@@ -1,4 +1,4 @@
-"""The paper's three tables beside ours, as CSV rows and as text."""
+"""The paper's three tables and others beside those of this study, as CSV rows and as text."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -52,26 +52,26 @@ LIMITS = ("motion", "quantity", "lowest", "highest", "limit_lower", "limit_upper
 
 @dataclass(frozen=True)
 class Table:
-    """A header and its rows."""
+    """A table: its header and its rows."""
 
     header: Sequence[str]
     rows: list[Row]
 
     def text(self, title: str) -> str:
-        """For reading."""
+        """Return the table as text under a title."""
         return text_table(
             self.header, [[row[name] for name in self.header] for row in self.rows], title
         )
 
 
 def chosen_horizon(errors: Mapping[int, float], tie: float = 0.005) -> int:
-    """The horizon of the smallest J*; a shorter one wins if its J* is within 0.5 % of that."""
+    """Return the horizon of the smallest J*; a shorter one wins if its J* is within 0.5 % of it."""
     best = min(errors.values())
     return min(horizon for horizon, error in errors.items() if error <= (1 + tie) * best)
 
 
 def table_1(errors: Mapping[Cell, Errors], names: Sequence[str], horizons: Sequence[int]) -> Table:
-    """J* of every parameter and horizon (Table I)."""
+    """Return Table I: J* of every parameter and horizon."""
     rows: list[Row] = []
     for index, name in enumerate(names):
         paper_horizon, paper_error = motor.PAPER_TABLE_1[name]
@@ -90,7 +90,7 @@ def table_1(errors: Mapping[Cell, Errors], names: Sequence[str], horizons: Seque
 
 
 def crosscheck(shipped: Mapping[Cell, float], others: Mapping[str, Mapping[Cell, float]]) -> Table:
-    """J* of the study and of other searches, their spread, and what the study gives away."""
+    """Return a table of J* of the study and of other searches, and of their differences."""
     rows: list[Row] = []
     for cell, own in shipped.items():
         values = {name: found[cell] for name, found in others.items()}
@@ -109,7 +109,7 @@ def crosscheck(shipped: Mapping[Cell, float], others: Mapping[str, Mapping[Cell,
 
 
 def designs_table(errors: Mapping[Cell, Errors]) -> Table:
-    """What every design guarantees for every parameter, its own and the others."""
+    """Return a table of the planned error J of every parameter for every design."""
     rows: list[Row] = []
     for cell, error in sorted(errors.items(), key=lambda item: (item[0].target, item[0].horizon)):
         values = dict(zip(DESIGNS[2:], map(float, error), strict=True))
@@ -118,7 +118,7 @@ def designs_table(errors: Mapping[Cell, Errors]) -> Table:
 
 
 def table_2(loops: Mapping[Cell, ClosedLoopRun], errors: Mapping[Cell, Errors]) -> Table:
-    """θ̂ ± J_f of each parameter from its own experiment (Table II), exact signals."""
+    """Return Table II: θ̂ ± J_f of each parameter from its own experiment, with exact signals."""
     rows: list[Row] = []
     for cell, loop in loops.items():
         index = motor.system().index(cell.target)
@@ -136,7 +136,7 @@ def table_2(loops: Mapping[Cell, ClosedLoopRun], errors: Mapping[Cell, Errors]) 
 
 
 def table_3(runs: Mapping[float, OpenLoopRun]) -> Table:
-    """Every parameter from open-loop pulses (Table III)."""
+    """Return Table III: every parameter from open-loop pulses."""
     rows: list[Row] = []
     for amplitude in motor.OPEN_LOOP_AMPLITUDES:
         estimate = runs[amplitude].estimate
@@ -154,7 +154,7 @@ def table_3(runs: Mapping[float, OpenLoopRun]) -> Table:
 
 
 def limits_table(loops: Mapping[Cell, ClosedLoopRun]) -> Table:
-    """What the axis actually did at the ticks, beside the limits kept by the reference alone."""
+    """Return a table of the ranges of the simulated axis beside the limits of its reference."""
     limits = motor.limits()
     rows: list[Row] = []
     for cell, loop in loops.items():
@@ -180,7 +180,7 @@ def limits_table(loops: Mapping[Cell, ClosedLoopRun]) -> Table:
     return Table(LIMITS, rows)
 
 
-# what each stage of a design minimises, all within the limits of the axis
+# the objective of each design stage, all within the limits of the axis
 OBJECTIVES = {
     "two_stage": "J_star",
     "filter_aware": "J_aware",
@@ -190,20 +190,21 @@ OBJECTIVES = {
 
 
 def number(row: Row, column: str) -> float:
-    """Of a row; NaN where there is none."""
+    """Return a number of a row, or NaN if there is none."""
     value = row[column]
     return np.nan if value is None or value == "" else float(value)
 
 
 def gains(designs: Mapping[str, Row]) -> Row:
-    """One case: J_f by stages, and what each stage changes of the one before, in per cent.
+    """Return J_f of one case by design stage, and its change from stage to stage in per cent.
 
-    A stage is represented by the best motion for its objective that any of the searches of the case
-    has found, so that no stage wins by a search that another one missed. The design by (18) may
-    leave the limits of the axis: `beyond_18`, in half-widths of a limit.
+    Each stage is represented by the best motion for its objective that any search of the case has
+    found, so that no stage wins only because another search missed a motion. The design by (18) may
+    exceed the limits of the axis: `beyond_18`, in half-widths of a limit.
 
     Raises:
-        ValueError: if a design has no number, or another one than that by (18) leaves its limits.
+        ValueError: if a design has no number, or another design than that by (18) exceeds its
+            limits.
     """
     for name, row in designs.items():
         for column in OBJECTIVES.values():
@@ -242,15 +243,15 @@ def gains(designs: Mapping[str, Row]) -> Row:
 
 
 def not_reduced(table: Table, bound: str) -> list[str]:
-    """A sentence for every bound that is no better than the prior box."""
+    """Return a sentence for every bound that is no better than the prior box."""
     sentences = []
     for row in table.rows:
         half = (float(row["prior_upper"] or 0) - float(row["prior_lower"] or 0)) / 2
         if float(row[bound] or 0) >= half:
             where = f"{row['input_V']} V" if "input_V" in row else f"N = {row['N']}"
             sentences.append(
-                f"{row['parameter']} at {where}: not reduced, the bound {row[bound]:.3g} exceeds "
-                f"half its prior box, {half:.3g}."
+                f"{row['parameter']} at {where}: prior interval not reduced, since the bound "
+                f"{row[bound]:.3g} is at least its half-width {half:.3g}."
             )
     return sentences
 
