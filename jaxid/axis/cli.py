@@ -113,7 +113,7 @@ def design(
     known = _read(axis, run_python)
     from jaxid.axis import commands
 
-    commands.design(known, out, target, durations, seed, effort, force=force)
+    commands.design(known, axis, out, target, durations, seed, effort, force=force)
 
 
 def simulate(

@@ -4,6 +4,7 @@ The arguments are those of the functions of the same name in `jaxid.axis.cli`, w
 `known` is the axis of the axis file.
 """
 
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -36,6 +37,7 @@ def prior(known: Axis, axis: Path, log: Path) -> None:
 
 def design(
     known: Axis,
+    axis: Path,
     out: Path,
     target: Sequence[str],
     durations: Sequence[float],
@@ -57,6 +59,8 @@ def design(
         else:
             result = DesignResult(design_axis(known.lasting(times[0]), target[0], *search))
     _finish(out, result, force)
+    if not several:
+        print(f"Next: {shlex.join(['jaxid', 'simulate', str(axis), str(out)])}")
 
 
 def simulate(

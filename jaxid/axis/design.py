@@ -94,7 +94,8 @@ def require_possible(axis: Axis, target: str) -> None:
     if target == WANTED:
         require(
             bool(jnp.any(jnp.isfinite(axis.wanted))),
-            "--target wanted needs a table [wanted] in the axis file, such as M = 0.004.",
+            "--target wanted needs a table [wanted] in the axis file, with a required half-width "
+            f"such as {axis.system.names[0]} = 0.01.",
         )
     elif target != ALL:
         names = axis.system.names

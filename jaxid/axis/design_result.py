@@ -139,6 +139,13 @@ def evaluation_cells(one: ParameterEvaluation) -> tuple[object, ...]:
 def _unidentified(found: AxisDesign) -> Iterator[str]:
     """Yield a sentence for each parameter whose prior interval this motion would not narrow."""
     box, predicted = np.asarray(found.axis.system.half_widths), np.asarray(found.worth.predicted)
+    if np.all(predicted >= (1 - _NOTHING) * box):
+        servo, unit = found.axis.servo, UNITS[found.axis.system.coordinate]
+        yield (
+            "No parameter is predicted to be identified. Check `servo.resolution` = "
+            f"{servo.resolution:g} {unit}, `servo.period` = {servo.period:g} s and [disturbance]."
+        )
+        return
     for k, name in enumerate(found.axis.system.names):
         if predicted[k] >= (1 - _NOTHING) * box[k]:
             yield (

@@ -31,7 +31,7 @@ from jaxid.motion.limits import Limits
 _SHOWN = 10  # segments that are listed
 _ROOM = 1.1  # of a factor of δ that is proved to be needed: with it, state bounds are not empty
 _NEAR = 0.7  # a needed share of δ above which the text asks for a check of δ
-_SLIGHT, _LARGE = 3.0, 50.0  # needed factors of δ that have different likely causes
+_SLIGHT, _LARGE = 3.0, 10.0  # needed factors of δ that have different likely causes
 _ABSURD = 20.0  # half-widths of a limit: beyond it, a unit must be wrong
 
 
@@ -254,13 +254,18 @@ def _of_result(found: Identified, result: Identification) -> list[str]:
 def _inconsistency(error: InconsistentLogError) -> str:
     factor = error.factor or 1.0
     if factor <= _SLIGHT:
-        causes = "δ, a missing term of the model, the prior intervals, `input.delay`"
+        causes = (
+            "δ, a missing term of the model, the prior intervals, a saturated input, `input.delay`"
+        )
     elif factor <= _LARGE:
-        causes = "`input.delay`, `servo.resolution`, a saturated input, the prior intervals, units"
+        causes = (
+            "`input.delay`, `servo.resolution`, a saturated input, sign and unit of the input and "
+            "of the position"
+        )
     else:
         causes = (
-            "sign and unit of the input, sign and unit of the position, `servo.period`, swapped "
-            "columns"
+            "sign and unit of the input, sign and unit of the position, `servo.period`, "
+            "`input.delay`, swapped columns"
         )
     return (
         f"Inconsistent log: {in_words_of_files(str(error))} No intervals are reported. Check, in "
@@ -287,7 +292,7 @@ def _intervals(system: System, result: Identification) -> str:
         for pair in pairs
     ]
     rows = list(zip(system.names, system.units, *columns, strict=True))
-    lowest = f"at least {at_least(factor)}·δ" if factor > LEAST else f"maybe less than {LEAST:g}·δ"
+    lowest = f"at least {at_least(factor)}·δ" if factor > LEAST else "no lower bound was found"
     title = f"Guaranteed parameter intervals. Disturbance needed to explain this log: {lowest}."
     return plots.text_table(header, rows, title)
 
@@ -351,4 +356,4 @@ def _draw_residuals(panels: Sequence[plots.Axes], one: Residuals) -> None:
             panel.plot(x[beyond], y[beyond], ".", color=plots.RED, markersize=5, label="exceeds it")
     for panel in panels[1:]:
         plots.limit_lines(panel, (-1.0, 1.0))
-    panels[0].legend(fontsize=10)
+    panels[0].legend(fontsize=10, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)

@@ -96,7 +96,7 @@ class SimulateResult(Result):
         return "\n".join(
             (
                 f"Monte Carlo check on {said.plants} simulated plants (seed {said.seed}): "
-                "evidence, not a proof.",
+                "evidence, not a proof. Δ is zero, random or against the tracking in turn.",
                 *_verdict(said),
                 plots.text_table(
                     ("limit", "unit", "plants that exceed it", "smallest margin"), margins
@@ -162,8 +162,8 @@ def page(found: Simulated) -> bytes:
         margin = np.minimum(high - np.asarray(values), np.asarray(values) - low)
         _draw(panel, time, margin, exceeded)
         count = int(np.sum(~(found.excess[name] <= 0)))
-        kept = f"exceeded by {count} of {found.plants} plants" if count else "kept by all plants"
-        plots.label(panel, "", f"margin ({of})", f"Margin to the {name} limit: {kept}")
+        kept = f"exceeded by {count} of {found.plants}" if count else "kept by all"
+        plots.label(panel, "", f"margin ({of})", f"Margin of the {name}: {kept}")
         worst = float(np.min(margin[:DRAWN]))
         panel.axhline(0.0, color=plots.BLACK, linewidth=1.2)
         if worst < 0:  # so that a small violation is seen

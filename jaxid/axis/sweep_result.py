@@ -109,7 +109,9 @@ def bounds_page(found: xr.Dataset) -> bytes:
         table = percent.stack(motion=("design", "horizon")).dropna("motion", how="all")
         rows = [f"{design}, {time:g} s" for design, time in table.motion.values]
         values = table.transpose("motion", "bandwidth").values
-        plots.heat_map(panel, values, rows, names(found.bandwidth), "{:.1f}", highest=100.0)
+        plots.heat_map(
+            panel, values, rows, names(found.bandwidth), "{:.1f}", highest=100.0, ends=(0.0, 100.0)
+        )
         plots.label(panel, "", "", f"worst $J_f$ of {name}, % of half its prior interval")
     canvas.suptitle("motion by bandwidth; orange-red: the interval is not reduced", fontsize=12)
     panels[-1].set_xlabel("bandwidth w of the filter (rad/s)", fontsize=12)

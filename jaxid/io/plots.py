@@ -197,8 +197,7 @@ def bars(
             wanted[some], some - 0.42, some + 0.42, color=BLACK, linewidth=1.5, label="wanted"
         )
     panel.set_xticks(x, names, fontsize=12)
-    panel.margins(y=0.35)  # room for the legend
-    panel.legend(fontsize=9, loc="upper center", ncols=2)
+    panel.legend(fontsize=9, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2)
 
 
 def heat_map(

@@ -104,7 +104,7 @@ def _remaining(system: System, input: Interval, load: Scalar) -> Interval:
         require(
             float(remaining[0]) < 0 < float(remaining[1]),
             f"Argument `input` = {list(map(float, input))} {system.input_unit} is too small: "
-            f"friction, offset and the other terms may need up to {float(load):g} "
-            f"{system.input_unit}, so that nothing remains for acceleration.",
+            f"with these prior intervals, friction, offset and the other terms may need up to "
+            f"{float(load):g} {system.input_unit}, so that nothing remains for acceleration.",
         )
     return remaining / system.upper[0]
