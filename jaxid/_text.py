@@ -16,6 +16,12 @@ def at_most(value: float, digits: int = 3) -> str:
     return _rounded(value, Context(digits, ROUND_CEILING))
 
 
+def above_one(value: float) -> str:
+    """Return a lower bound above 1 as text that is above 1, with three digits or as many more."""
+    texts = (at_least(value, digits) for digits in range(3, 15))
+    return next((text for text in texts if float(text) > 1.0), at_least(value, 15))
+
+
 def between(low: float, high: float, digits: int = 5) -> str:
     """Return an interval as text that contains it: its ends are rounded outwards."""
     return f"{at_least(low, digits)} … {at_most(high, digits)}"

@@ -38,6 +38,8 @@ def as_array(name: str) -> Callable[[Any], Array]:
             ) from None
         if jnp.issubdtype(found.dtype, jnp.floating):
             return found
+        if jnp.issubdtype(found.dtype, jnp.complexfloating):
+            raise ValueError(f"Argument `{name}` must be real, but is {values!r}.")
         return _known_or_traced(lambda: found.astype(float), found)
 
     return convert

@@ -313,3 +313,42 @@ def test_a_design_that_was_changed_is_not_simulated(tmp_path, capsys, figures):
     assert "was written by jaxid 0.0.1, whose design.json has another format" in refused(
         capsys, *simulate
     )
+
+
+def test_numbers_and_places_that_cannot_be_are_told(tmp_path, capsys):
+    path, out = tmp_path / "axis.toml", tmp_path / "out"
+    path.write_text(example("linear"))
+    seed = str(2**64)
+    assert "--seed must be from 0" in refused(capsys, "design", path, "--out", out, "--seed", seed)
+    said = refused(capsys, "simulate", path, out, "--plants", "0")
+    assert "--plants must be 1 or more" in said
+    assert "cannot be used: Is a directory" in refused(capsys, "design", tmp_path, "--out", out)
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        "jd.Custom(lambda y, v: 1.0)",
+        "jd.Custom(lambda y, v: v[:1])",
+        "jd.Custom(lambda y, v: None)",
+    ],
+)
+def test_functions_of_the_wrong_shape_are_refused(tmp_path, capsys, own):
+    """By the check of the file, or before that by the types that tests check at run time."""
+    code = f"""
+import jaxid as jd
+terms = (jd.Term("M", "V s²/m", (0.08, 0.18)), jd.Term("B", "V s/m", (0.0, 0.5), {own}))
+axis = jd.System(terms, jd.ConstantBound(0.2), "V")
+"""
+    (tmp_path / "own.py").write_text(code)
+    text = example("linear")
+    start, end = text.index("# One table per unknown"), text.index("[limits]")
+    control, log = text.index("# Optional: the controller"), text.index("# Columns of a recorded")
+    kept = (text[:start] + text[end:control] + text[log:]).replace(
+        "coordinate =", 'python = "own:axis"\ncoordinate =', 1
+    )
+    (tmp_path / "axis.toml").write_text(kept)
+    arguments = tmp_path / "axis.toml", "--out", tmp_path / "out", "--run-python"
+    said = refused(capsys, "design", *arguments)
+    assert "`python`: " in said
+    assert len(said.splitlines()) == 1

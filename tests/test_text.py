@@ -5,7 +5,7 @@ from fractions import Fraction
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jaxid._text import at_least, at_most, between
+from jaxid._text import above_one, at_least, at_most, between
 
 numbers = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12)
 digits = st.integers(1, 8)
@@ -30,3 +30,10 @@ def test_what_few_digits_say_is_said_with_few():
     assert between(-0.123456, 0.123454) == "-0.12346 … 0.12346"
     assert between(0.0, 0.5) == "0 … 0.5"
     assert between(0.1, 0.7) == "0.1 … 0.7"
+
+
+@given(st.floats(1.0 + 1e-9, 5.0))
+def test_a_bound_above_one_is_printed_above_one(value):
+    text = above_one(value)
+    assert 1.0 < float(text) <= value
+    assert len(text) <= 4 or value < 1.01

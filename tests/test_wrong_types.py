@@ -54,6 +54,11 @@ calls = {
     "target": lambda: jd.LeastSquaresError(slide, "q"),
     "time": lambda: jd.sampled_error(slide, *jnp.zeros((4, 3))),
     "diverges": lambda: jd.run(plant, wild, servo, motion),
+    "forward": lambda: jd.OneWay(jd.Viscous(), forward="backward"),
+    "one way": lambda: jd.OneWay(3.0),
+    "nodes": lambda: jd.planned_error(slide, motion, nodes=0),
+    "complex": lambda: jd.ConstantBound(6 + 100j),
+    "set-points": lambda: jd.sampled(motion, -0.001),
     "axis file": lambda: jd.read_axis("nowhere/slide.toml"),
 }
 said = {}
@@ -86,6 +91,11 @@ SENTENCES = {
     "time": "`time` of a sampled motion must increase from each sample to the next, but does not "
     "after sample 0",
     "diverges": "The closed loop diverges: its input is not finite from ",
+    "forward": "`forward` of a OneWay must be True or False, but is 'backward'",
+    "one way": "`regressor` of a OneWay must be a regressor such as jaxid.Viscous()",
+    "nodes": "`nodes` must be 1 or more, but is 0",
+    "complex": "`level` must be real, but is (6+100j)",
+    "set-points": "`period` of set-points must be positive",
     "axis file": "No such file",
 }
 

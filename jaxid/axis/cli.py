@@ -108,6 +108,7 @@ def design(
         force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
+    _require_seed(seed)
     if not target:
         raise ValueError("--target must be a parameter name, all or wanted, but is empty.")
     known = _read(axis, run_python)
@@ -138,6 +139,11 @@ def simulate(
         force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
+    _require_seed(seed)
+    if plants < 1 or logs < 0:
+        raise ValueError(
+            f"--plants must be 1 or more and --logs 0 or more, but are {plants}, {logs}."
+        )
     known = _read(axis, run_python)
     from jaxid.axis import commands
 
@@ -169,6 +175,7 @@ def sweep(
         force: overwrite existing files.
         run_python: run the Python module that the axis file names.
     """
+    _require_seed(seed)
     from jaxid.runtime import configure, connect, processors
 
     configure()
@@ -240,7 +247,10 @@ def main(arguments: list[str] | None = None) -> None:
             file=sys.stderr,
         )
         raise SystemExit(1) from None
-    except (ValueError, OSError) as error:
+    except OSError as error:
+        print(f"jaxid: {error.filename} cannot be used: {error.strerror}.", file=sys.stderr)
+        raise SystemExit(1) from None
+    except ValueError as error:
         from jaxid.axis.wording import in_words_of_files
 
         print(f"jaxid: {in_words_of_files(str(error))}", file=sys.stderr)
@@ -248,6 +258,11 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         print("jaxid: interrupted; no file was left half-written", file=sys.stderr)
         raise SystemExit(130) from None
+
+
+def _require_seed(seed: int) -> None:
+    if not 0 <= seed < 2**63:
+        raise ValueError(f"--seed must be from 0 to 2^63 − 1, but is {seed}.")
 
 
 def _read(path: Path, run_python: bool):

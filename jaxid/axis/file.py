@@ -26,6 +26,7 @@ from jaxid.axis.wrong_entry import explained
 from jaxid.io.recorded import Columns
 from jaxid.loop.controllers import Controller
 from jaxid.loop.servo import Servo
+from jaxid.model.interval_arithmetic import Range
 from jaxid.model.system import System
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import uniform
@@ -202,9 +203,25 @@ def _named(name: str, folder: Path) -> System:
             f"`python` must name a jaxid.System, or a function that returns one, but {name} is a "
             f"{type(system).__name__}."
         )
-    with _sentences(path):  # user functions must accept traced arrays
-        jax.eval_shape(system.regressors, *jnp.zeros((3, 2)))
-        jax.eval_shape(system.disturbance_bound, *jnp.zeros((2, 2)))
+    wide = Range(jnp.zeros(2), jnp.ones(2))
+    with _sentences(path):  # user functions must accept traced arrays, with jax.numpy
+        columns = jax.eval_shape(system.regressors, *jnp.zeros((3, 2)))
+        delta = jax.eval_shape(system.disturbance_bound, *jnp.zeros((2, 2)))
+    for name, column in zip(
+        (*system.names, "the disturbance bound"), (*columns, delta), strict=True
+    ):
+        require(
+            column is not None and column.shape == (2,),
+            f"`python`: the function of {name} must return one number for each pair of position "
+            "and velocity, in an array of their shape.",
+        )
+    with _sentences(path):
+        ranges = (*system.regressor_ranges(wide, wide), system.disturbance_bound.range(wide, wide))
+    require(
+        all(isinstance(found, Range) for found in ranges),
+        "`python`: the method `range` of every regressor and of the disturbance bound must return "
+        "a Range.",
+    )
     return system
 
 
@@ -218,7 +235,8 @@ def _sentences(path: Path) -> Iterator[None]:
             f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)
         ]
         where = f" in line {lines[-1]}" if lines else ""
-        raised = f"{type(error).__name__}: {error}"
+        first = next(iter(str(error).splitlines()), "")
+        raised = f"{type(error).__name__}: {first}"
         raise ValueError(
             f"`python`: {path} must run without an error, but{where} raises {raised}."
         ) from error

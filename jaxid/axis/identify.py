@@ -285,7 +285,9 @@ def _rows_used(found: Identified) -> str:
 
 def _intervals(system: System, result: Identification) -> str:
     factor = result.disturbance_factor
-    header = ("parameter", "unit", "prior", "guaranteed")
+    # a range that is estimated from samples makes an estimate of everything that depends on it
+    kind = "estimated" if system.estimated else "guaranteed"
+    header = ("parameter", "unit", "prior", kind)
     pairs = ((system.lower, system.upper), (result.lower, result.upper))
     columns = [
         [between(low, high) for low, high in zip(*(end.tolist() for end in pair), strict=True)]
@@ -293,7 +295,8 @@ def _intervals(system: System, result: Identification) -> str:
     ]
     rows = list(zip(system.names, system.units, *columns, strict=True))
     lowest = f"at least {at_least(factor)}·δ" if factor > LEAST else "no lower bound was found"
-    title = f"Guaranteed parameter intervals. Disturbance needed to explain this log: {lowest}."
+    intervals = f"{kind.capitalize()} parameter intervals."
+    title = f"{intervals} Disturbance needed to explain this log: {lowest}."
     return plots.text_table(header, rows, title)
 
 

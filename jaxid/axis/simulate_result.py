@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxid._text import at_most
+from jaxid._text import at_least, at_most
 from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import Result
@@ -81,7 +81,7 @@ class SimulateResult(Result):
         """Return the result as text: violated limits, half-widths of intervals, and assumptions."""
         said = self.summary()
         margins = [
-            (name, one.unit, one.exceeded_by, one.smallest_margin)
+            (name, one.unit, one.exceeded_by, _margin(one.smallest_margin))
             for name, one in said.limits.items()
         ]
         lengths = [
@@ -106,6 +106,13 @@ class SimulateResult(Result):
                 *(f"  {sentence}" for sentence in said.assumptions),
             )
         )
+
+
+def _margin(value: float | None) -> str | None:
+    """Return a margin as text, rounded towards the limit; None if a loop diverged."""
+    if value is None:
+        return None
+    return f"-{at_most(-value)}" if value < 0 else at_least(value)
 
 
 def _verdict(said: SimulationSummary) -> Iterator[str]:
@@ -173,7 +180,8 @@ def page(found: Simulated) -> bytes:
         panel.set_xlabel("time (s)", fontsize=12)
     shown = min(DRAWN, error.shape[0])
     canvas.suptitle(
-        f"The first {shown} of {found.plants} simulated plants; orange-red: a limit is exceeded",
+        f"The first {shown} of {found.plants} simulated plants; orange-red: those that exceed a "
+        "limit",
         fontsize=12,
     )
     return plots.png(canvas)

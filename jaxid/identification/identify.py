@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_concrete, require_float64
-from jaxid._text import at_least
+from jaxid._text import above_one
 from jaxid.identification.batches import (
     SIZES,
     BatchSizes,
@@ -206,7 +206,7 @@ class _Progress:
         if self.factor > 1:
             raise InconsistentLogError(
                 "No parameter vector of the prior box explains the data unless the disturbance "
-                f"bound is at least {at_least(self.factor)}·δ.",
+                f"bound is at least {above_one(self.factor)}·δ.",
                 self.factor,
             )
         if self.refusal is not None:
@@ -247,14 +247,14 @@ class _Progress:
         report("smallest consistent disturbance bound")
         self.refusal = (
             "No parameter vector of the prior box explains the data, unless the disturbance bound "
-            "is larger than δ."
+            "is larger than 1·δ."
         )
         logs, knots = self.parts[-1], self.sizes.knots
         if len(self.parts) > 1:
             self.refusal = (
                 "No parameter vector of the prior box explains the first "
-                f"{len(self.parts)} batches of the data together, though one may explain each of "
-                "them."
+                f"{len(self.parts)} batches of the data together, unless the disturbance bound is "
+                "larger than 1·δ, though one may explain each of them."
             )
             logs = most_informative(self._with_room, self.parts, self.sizes, first=self.parts[-1])
             knots = self.sizes.knots_together

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.io import loadmat, savemat
 
-from jaxid._checks import require, require_concrete, require_float64
+from jaxid._checks import require, require_concrete, require_float64, require_positive
 from jaxid.io.files import table_bytes, table_in, trajectory_header, write_bytes
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory, ticks
@@ -56,6 +56,7 @@ def sampled(trajectory: JerkTrajectory, period: float) -> Setpoints:
         trajectory=trajectory,
         period=period,
     )
+    require_positive("period", "set-points", period)
     at = np.arange(ticks(trajectory, period) + 1)
     states = trajectory.states(jnp.asarray(at * period))
     # multiples of a period are written as such

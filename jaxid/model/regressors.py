@@ -317,6 +317,17 @@ class OneWay(Regressor):
     regressor: Regressor
     forward: bool = eqx.field(static=True, default=True)
 
+    def __check_init__(self) -> None:
+        require(
+            isinstance(self.regressor, Regressor),
+            "Argument `regressor` of a OneWay must be a regressor such as jaxid.Viscous(), but is "
+            f"{self.regressor!r}.",
+        )
+        require(
+            isinstance(self.forward, bool),
+            f"Argument `forward` of a OneWay must be True or False, but is {self.forward!r}.",
+        )
+
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
         moves = velocity > 0 if self.forward else velocity < 0
         return jnp.where(moves, self.regressor(position, velocity), 0.0)

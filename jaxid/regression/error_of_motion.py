@@ -32,6 +32,7 @@ def planned_error(
         [1.25, 36.29, 10.03]
     """
     require_float64(system=system, trajectory=trajectory)
+    require(nodes >= 1, f"Argument `nodes` must be 1 or more, but is {nodes}.")
     rows = rows_of(system, *trajectory.midpoints(nodes))
     return worst_case_error(least_squares(rows), rows.delta)
 
