@@ -81,7 +81,12 @@ class SimulateResult(Result):
         """Return the result as text: violated limits, half-widths of intervals, and assumptions."""
         said = self.summary()
         margins = [
-            (name, one.unit, one.exceeded_by, _margin(one.smallest_margin))
+            (
+                name,
+                one.unit,
+                one.exceeded_by,
+                None if one.smallest_margin is None else at_least(one.smallest_margin),
+            )
             for name, one in said.limits.items()
         ]
         lengths = [
@@ -106,13 +111,6 @@ class SimulateResult(Result):
                 *(f"  {sentence}" for sentence in said.assumptions),
             )
         )
-
-
-def _margin(value: float | None) -> str | None:
-    """Return a margin as text, rounded towards the limit; None if a loop diverged."""
-    if value is None:
-        return None
-    return f"-{at_most(-value)}" if value < 0 else at_least(value)
 
 
 def _verdict(said: SimulationSummary) -> Iterator[str]:
