@@ -230,7 +230,10 @@ def test_one_level_of_the_disturbance_is_enough(read):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("[servo]", "[servo", r"axis.toml: Expected .* \(at line"),
+        ("[0.08, 0.18]", "[0.08]", r"`interval` in entry 1 .*\(M\) must be a list of 2 numbers"),
+        ("gain = 1.0", "gain = 1.0\ngain = 2.0", r"line 13, `gain = 2.0 .* stands there twice"),
+        ("[servo]", "[servo]\n[servo]", r"line 16, `\[servo\]`, .* a table stands there twice"),
+        ("[servo]", "[servo", r"axis.toml: line \d+, .* is no valid TOML"),
         (
             'kind = "coulomb"',
             'kind = "columb"',
@@ -345,5 +348,5 @@ def test_a_wrong_pitch_is_refused(read):
 def test_a_file_that_is_not_text_is_refused(tmp_path):
     path = tmp_path / "axis.toml"
     path.write_bytes(bytes(range(256)))
-    with pytest.raises(ValueError, match=r"File .*axis.toml: "):
+    with pytest.raises(ValueError, match=r"File .*axis.toml must be text in UTF-8"):
         read_axis(path)

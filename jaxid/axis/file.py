@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from jaxid._checks import require
 from jaxid.axis.schema import AxisTables, whole
 from jaxid.axis.wording import in_words_of_files
-from jaxid.axis.wrong_entry import explained
+from jaxid.axis.wrong_entry import explained, invalid_line
 from jaxid.io.recorded import Columns
 from jaxid.loop.controllers import Controller
 from jaxid.loop.servo import Servo
@@ -115,7 +115,11 @@ def read_axis(path: Path | str, *, run_python: bool = False) -> Axis:
         raise ValueError(f"File {path}: {explained(error, data)}") from None
     except RecursionError:
         raise ValueError(f"File {path}: its entries are nested too deeply.") from None
-    except (msgspec.DecodeError, UnicodeDecodeError, ValueError) as error:
+    except UnicodeDecodeError:
+        raise ValueError(f"File {path} must be text in UTF-8.") from None
+    except msgspec.DecodeError as error:
+        raise ValueError(f"File {path}: {invalid_line(error, data)}") from None
+    except ValueError as error:
         raise ValueError(f"File {path}: {in_words_of_files(str(error))}") from None
 
 

@@ -15,6 +15,8 @@ _UNKNOWN = re.compile(r"Object contains unknown field `(.*)`")
 _MISSING = re.compile(r"Object missing required field `(.*)`")
 _VALUE = re.compile(r"Invalid (?:enum )?value '(.*)'")
 _KIND = re.compile(r"Expected `(.*)`, got `(.*)`")
+_LENGTH = re.compile(r"Expected `array` of length (\d+), got (\d+)")
+_LINE = re.compile(r"(.*) \(at line (\d+), column \d+\)")
 _ENTRY = re.compile(r"(terms|motion\.via)\[(\d+)\](?:\.(.*))?")
 _KINDS = {
     "array": "a list",
@@ -49,7 +51,27 @@ def explained(error: msgspec.ValidationError, data: bytes) -> str:
         expected, got = (_in_words(kinds) for kinds in found.groups())
         fraction = found.groups() == ("int", "float")
         return f"{place} must be {expected}, but is {'a fraction' if fraction else got}."
+    if found := _LENGTH.fullmatch(problem):
+        return f"{place} must be a list of {found[1]} numbers, but has {found[2]}."
+    if problem == "Number out of range":
+        return f"{place} must be a number that fits into 64 bits."
     return f"{problem}, in {place[0].lower()}{place[1:]}." if path else f"{problem}."
+
+
+def invalid_line(error: Exception, data: bytes) -> str:
+    """Return the message of an error in the syntax of a file, with the line where it is.
+
+    Args:
+        error: error from decoding TOML.
+        data: content of the file.
+    """
+    found = _LINE.fullmatch(str(error))
+    if found is None:
+        return str(error)
+    line = data.decode(errors="replace").splitlines()[int(found[2]) - 1].strip()
+    twice = ": an entry or a table stands there twice" if "overwrite" in found[1] else ""
+    twice = ": a table stands there twice" if "twice" in found[1] else twice
+    return f"line {found[2]}, `{line}`, is no valid TOML ({found[1]}){twice}."
 
 
 def _in_words(kinds: str) -> str:
