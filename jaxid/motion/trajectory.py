@@ -203,13 +203,19 @@ def reference(
             repeats still follow one another without a pause, and the last state is held at the end.
         repeats: number of times that the motion is run.
     """
-    return _reference(trajectory, jnp.asarray(period), ticks, repeats)
+    # two compiled functions: in one, the repeats would differ in their last bits
+    once = _states_at_ticks(trajectory, jnp.asarray(period), ticks)
+    return _repeated(once, ticks_of(trajectory, period, ticks, repeats))
 
 
 @eqx.filter_jit
-def _reference(trajectory: JerkTrajectory, period: Scalar, ticks: int, repeats: int) -> States:
-    once = trajectory.states(jnp.arange(ticks) * period)
-    return States(*map(ticks_of(trajectory, period, ticks, repeats).repeated, once))
+def _states_at_ticks(trajectory: JerkTrajectory, period: Scalar, ticks: int) -> States:
+    return trajectory.states(jnp.arange(ticks) * period)
+
+
+@eqx.filter_jit
+def _repeated(once: States, ticks: Ticks) -> States:
+    return States(*map(ticks.repeated, once))
 
 
 def ticks_of(
