@@ -213,12 +213,12 @@ def sweep(
             line.update(done - line.n)
 
         found = sweep_axis(known, saved, bandwidths, factors, plants, seed, tell)
-    if found is None:  # another process has all of it
+    if found is None:  # only the first process has the result
         return
     _tell_changed(axis, saved.designs.values(), known)
     try:
         _finish(design, SweepResult(found), force)
-    except ValueError:  # another run has written its result: these blocks are of no more use
+    except ValueError:  # another run has written its result: the blocks are no longer needed
         forget_blocks(design)
         raise
     forget_blocks(design)
@@ -313,7 +313,7 @@ def _tell_changed(path: Path, designs: Iterable[SavedDesign], axis: Axis) -> Non
 
 
 def _finish(folder: Path, result: Result, replace: bool) -> None:
-    """Write a result and print it, even if it cannot be written: it may have taken long."""
+    """Write a result and print it; it is also printed if it cannot be written."""
     try:
         write(folder, result, replace=replace)
     finally:

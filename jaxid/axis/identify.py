@@ -29,9 +29,9 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 
 _SHOWN = 10  # segments that are listed
-_ROOM = 1.1  # of a factor of δ that is proved to be needed: with it, state bounds are not empty
-_NEAR = 0.7  # a needed share of δ above which the text asks for a check of δ
-_SLIGHT, _LARGE = 3.0, 50.0  # needed factors of δ that have different likely causes
+_ROOM = 1.1  # margin on a proved minimal factor of δ, so that state bounds are not empty
+_NEAR = 0.7  # proved minimal share of δ above which the text asks for a check of δ
+_SLIGHT, _LARGE = 3.0, 50.0  # minimal factors of δ that have different likely causes
 _ABSURD = 20.0  # half-widths of a limit: beyond it, a unit must be wrong
 
 
