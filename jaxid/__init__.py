@@ -16,8 +16,8 @@ Say what a motion must do
 Design the motion
     optimal_motion minimises LeastSquaresError, PredictedError, any function of a motion, or a
     subclass of Criterion; Effort; InfeasibleError.
-Judge it
-    lower_bound: what no motion and no estimator can improve; evaluate; planned_error, and
+Evaluate the motion
+    lower_bound: the error that no motion and no estimator can reduce; evaluate; planned_error, and
     sampled_error for a motion that is given by samples.
 Simulate it
     Servo, Plant, run; the controllers ARC, PDFeedforward, or a subclass of Controller; IdealSensor,
@@ -35,7 +35,7 @@ Everything else is imported from its folder. A folder imports only from those ab
     search          trajectory optimisation for any criterion
     loop            plant, controller, sensor: what the axis does, and its data
     regression      estimators as weights on data, their exact worst-case errors
-    identification  what recorded logs prove
+    identification  guaranteed intervals from recorded logs
     design          criteria of a motion, and the motion that minimises them
     io              files and pictures
     sweep           many closed loops, resumable

@@ -13,7 +13,8 @@ from jaxid._checks import is_concrete, require_concrete
 Scalar = Float[Array, ""]
 Motion = Float[Array, "*shape"]
 Interval = Float[Array, "2"]
-Numbers = Sequence[float | int] | Shaped[Array | np.ndarray, "..."]  # as a user may write them
+# forms of numbers that a user may pass
+Numbers = Sequence[float | int] | Shaped[Array | np.ndarray, "..."]
 
 
 def as_array(name: str) -> Callable[[Any], Array]:
@@ -64,7 +65,7 @@ def as_known(name: str) -> Callable[[Any], float]:
 
 
 def _known_or_traced(make: Callable[[], Array], values: Any) -> Array:
-    """Return an array that is known if the values are: under `jit`, JAX would trace it."""
+    """Return `make()`, as a concrete array if the values are concrete, even under `jit`."""
     if not is_concrete(values):
         return make()
     with jax.ensure_compile_time_eval():

@@ -18,7 +18,7 @@ from jaxid._checks import require
 _FOLD = "xla_cpu_small_while_loop_byte_threshold"
 _TRIED = ("0.10.2",)
 
-# about twice what a year of work with one version adds
+# about twice the amount that a year of work with one version adds
 _MOST_COMPILED = 2_000_000_000  # bytes
 
 
@@ -63,7 +63,7 @@ def compilation_folder() -> Path | None:
 
 
 def _keep_compiled() -> None:
-    """Keep all compiled code, however fast it compiles: there are many small functions."""
+    """Keep all compiled code, even if it compiles fast: there are many small functions."""
     if not jax.config.jax_compilation_cache_dir:  # pyright: ignore[reportAttributeAccessIssue]
         folder = compilation_folder()
         if folder is None:
@@ -78,10 +78,10 @@ def _keep_compiled() -> None:
 
 
 def _make_room(folder: Path, most: int = _MOST_COMPILED) -> None:
-    """Remove what was used longest ago, until the folder is small enough, and what is empty.
+    """Remove empty entries, and the least recently used ones until the folder is small enough.
 
-    JAX's own limit needs a lock and looks at every file for every entry that it adds. JAX never
-    replaces an entry: one that a killed process has left empty would be compiled in every run.
+    JAX's own limit needs a lock, and reads the times of all files for every new entry. JAX never
+    replaces an entry: one that a killed process left empty would be compiled in every run.
     """
     found = []
     for entry in os.scandir(folder):

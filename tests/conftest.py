@@ -15,22 +15,22 @@ from jaxid.io.files import read_trajectory
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.runtime import configure
 
-# all workers, the programs that tests start and the next run share what they compile
+# all workers, the programs that tests start and the next run share one compilation cache
 configure()
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-# examples differ from run to run only on purpose; compiling makes the first one slow
+# the same examples in every run; no deadline, because the first example compiles
 settings.register_profile("jaxid", deadline=None, derandomize=True, max_examples=25)
 settings.load_profile("jaxid")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Programs first: the longest test must not begin last, on one worker."""
+    """Run the tests of programs first: the longest one must not start last, on one worker."""
     items.sort(key=lambda item: "test_programs" not in item.nodeid)
 
 
-# Every compiled function holds memory maps, of which Linux allows a process 65,530; when they run
-# out, the compiler crashes. The whole suite on one worker needs more.
+# Every compiled function holds memory maps. Linux allows 65,530 of them per process; with more, the
+# compiler crashes. The whole suite on one worker would need more.
 MAPS, MOST_MAPS = Path("/proc/self/maps"), 30_000
 
 
@@ -43,14 +43,14 @@ ROOT = Path(__file__).parent.parent
 
 
 def tables() -> Path:
-    """The tables as they are committed or staged.
+    """Return the folder of the tables as they are committed or staged.
 
-    `make reproduce` may find other motions on another processor, and then tables that other
-    commands made of the committed motions do not belong to them.
+    On another processor `make reproduce` may find other motions. Tables made from the committed
+    motions by other commands would then not match the motions in the working tree.
     """
     listed = ["git", "ls-files", "-z", "--", "figures"]
     changed = subprocess.run([*listed, "--modified"], cwd=ROOT, capture_output=True)
-    if changed.returncode or not changed.stdout:  # no repository, or nothing was changed
+    if changed.returncode or not changed.stdout:  # no repository, or no changes
         return ROOT / "figures"
     names = subprocess.run(listed, cwd=ROOT, capture_output=True, check=True).stdout
     folder = Path(tempfile.mkdtemp())
@@ -69,13 +69,13 @@ def figures() -> Path:
 
 @pytest.fixture(scope="session")
 def motion() -> JerkTrajectory:
-    """The committed design for M at N = 30."""
+    """Return the committed design for M at N = 30."""
     return read_trajectory(FIGURES / "trajectory_M_N30.csv")
 
 
 @pytest.fixture
 def quick_compilation() -> Iterator[None]:
-    """For what is compiled longer than it runs."""
+    """Compile without most optimisations, for code that takes longer to compile than to run."""
     jax.config.update("jax_disable_most_optimizations", True)
     yield
     jax.config.update("jax_disable_most_optimizations", False)

@@ -1,13 +1,13 @@
-"""Whether a test fails when a term of a bound is halved or left out: `make mutants`.
+"""Mutation test of the bounds, `make mutants`: a term is halved or left out, and a test must fail.
 
     python tests/mutants.py [NAME...]
 
-tries every mutation of `mutations.py`, or those whose name contains one of the words given: on a
-copy of the package one text is replaced, and the tests that the mutation names are run there. It is
-killed if one of them fails. Where all of them pass it has survived: then nothing would notice that
-a bound is too small.
+This tries every mutation of `mutations.py`, or those whose name contains one of the given words. In
+a copy of the package one text is replaced, and the tests that the mutation names are run. The
+mutation is killed if one of them fails. It survives if all pass: then no test would notice that the
+bound is too small.
 
-What was found is kept in `.mutants.json` until the package or one of these tests changes.
+The results are kept in `.mutants.json` until the package or one of these tests changes.
 """
 
 import hashlib
@@ -28,10 +28,10 @@ from mutations import MUTATIONS, Mutation
 
 ROOT = Path(__file__).parent.parent
 KEPT = ROOT / ".mutants.json"
-LONGEST = 900  # s, that the tests of one mutation may take
-OWN = ("mutants.py", "mutations.py")  # what they say changes no test
+LONGEST = 900  # s, time limit for the tests of one mutation
+OWN = ("mutants.py", "mutations.py")  # changes in these files invalidate no result
 
-# the tests, and then which package it was that they imported
+# run the tests, then print the path of the package that they imported
 _RUN = """
 import sys, pytest
 code = pytest.main(sys.argv[1:])
@@ -41,12 +41,12 @@ sys.exit(code)
 
 
 class Run(NamedTuple):
-    """Of some tests in a copy.
+    """The result of running some tests in a copy.
 
     Attributes:
-        code: exit code of pytest; None if they took too long.
-        failed: the first test that failed, and why; None if none did.
-        printed: all of it.
+        code: exit code of pytest; None if the time limit was exceeded.
+        failed: the first test that failed, and why; None if none failed.
+        printed: the whole output.
     """
 
     code: int | None
@@ -55,7 +55,7 @@ class Run(NamedTuple):
 
 
 def main(words: Sequence[str]) -> int:
-    """Try the mutations whose names contain one of some words, or all; 1 unless all are killed."""
+    """Try all mutations, or those whose name contains a given word; return 0 if all are killed."""
     chosen = [one for one in MUTATIONS if not words or any(word in one.name for word in words)]
     if not chosen:
         raise SystemExit(f"No mutation has a name that contains {' or '.join(words)}.")
@@ -74,7 +74,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def require_once(one: Mutation, folder: Path = ROOT) -> None:
-    """Refuse a mutation whose text is not in its file, or not in one place only."""
+    """Raise an error unless the text of a mutation occurs exactly once in its file."""
     count = (folder / "jaxid" / one.file).read_text().count(one.source)
     if count != 1:
         raise SystemExit(
@@ -84,7 +84,7 @@ def require_once(one: Mutation, folder: Path = ROOT) -> None:
 
 
 def require_passing(tests: Iterable[str], folder: Path) -> None:
-    """Refuse tests that fail without any mutation."""
+    """Raise an error if tests fail without a mutation."""
     digests = {test: digest(folder, [test]) for test in tests}
     new = [test for test, own in digests.items() if kept().get(test, {}).get("digest") != own]
     if not new:
@@ -99,7 +99,7 @@ def require_passing(tests: Iterable[str], folder: Path) -> None:
 
 
 def tried(one: Mutation, number: str, folder: Path) -> str:
-    """Whether a mutation is killed, from what is kept or by running its tests."""
+    """Return whether a mutation is killed, from the kept results or by running its tests."""
     print(f"{number}: {one.name} … ", end="", flush=True)
     with mutated(folder, one):
         own, known = digest(folder, one.tests), kept().get(one.name, {})
@@ -122,12 +122,12 @@ def tried(one: Mutation, number: str, folder: Path) -> str:
 
 
 def run(folder: Path, tests: Sequence[str], seconds: float) -> Run:
-    """Some tests in a copy, up to the first that fails."""
+    """Run some tests in a copy of the package until the first one fails."""
     report = folder / "report.xml"
     report.unlink(missing_ok=True)
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH")))),
-        "PYTHONDONTWRITEBYTECODE": "",  # what one run compiles the next one reads
+        "PYTHONDONTWRITEBYTECODE": "",  # keep the bytecode for the next run
     }
     try:
         done = subprocess.run(
@@ -149,7 +149,7 @@ def run(folder: Path, tests: Sequence[str], seconds: float) -> Run:
 
 
 def _first_failure(report: Path) -> str | None:
-    """Of a test itself: what goes wrong before it runs is no verdict."""
+    """Return the first failed test and its message; errors before a test runs do not count."""
     cases = ElementTree.parse(report).iter("testcase") if report.exists() else ()
     for case in cases:
         failure = case.find("failure")
@@ -159,7 +159,7 @@ def _first_failure(report: Path) -> str | None:
 
 
 def ending(found: Run) -> str:
-    """How some tests ended, in words."""
+    """Return in words how a run of tests ended."""
     if found.code is None:
         return "they took too long"
     return f"pytest ended with exit code {found.code}"
@@ -167,7 +167,7 @@ def ending(found: Run) -> str:
 
 @contextmanager
 def copied() -> Iterator[Path]:
-    """A folder with the package and all that its tests need."""
+    """Yield a temporary folder with the package and everything that its tests need."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
         for part in ("jaxid", "experiments", "tests"):
@@ -179,18 +179,18 @@ def copied() -> Iterator[Path]:
 
 @contextmanager
 def mutated(folder: Path, one: Mutation) -> Iterator[None]:
-    """The folder with one mutation, and then as it was."""
+    """Apply one mutation to the folder, and undo it afterwards."""
     path = folder / "jaxid" / one.file
     text, state = path.read_text(), path.stat()
     path.write_text(text.replace(one.source, one.replacement))
     yield
     path.write_text(text)
-    # Python takes a file of another time for another one, and compiles it anew
+    # with another time stamp, Python would compile the file again
     os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
 
 
 def digest(folder: Path, tests: Sequence[str]) -> str:
-    """Of the package in a folder, and of what these tests are made of."""
+    """Return a digest of the package in a folder and of the files that these tests need."""
     files = [*(folder / "jaxid").rglob("*.py"), *(folder / "experiments" / "axes").glob("*.py")]
     helpers = [x for x in (folder / "tests").glob("*.py") if not x.name.startswith("test_")]
     files += [x for x in helpers if x.name not in OWN]
@@ -202,12 +202,12 @@ def digest(folder: Path, tests: Sequence[str]) -> str:
 
 
 def kept() -> dict[str, dict]:
-    """What was found before: of each mutation by its name, of each test without one by its own."""
+    """Return the kept results, by name of the mutation or of the test without a mutation."""
     return json.loads(KEPT.read_text()) if KEPT.exists() else {}
 
 
 def keep(new: dict[str, dict]) -> None:
-    """Add to it, as a whole or not at all."""
+    """Add results to the file, which is replaced as a whole."""
     unfinished = KEPT.with_suffix(".new")
     unfinished.write_text(json.dumps(kept() | new, indent=1, ensure_ascii=False))
     unfinished.replace(KEPT)

@@ -1,4 +1,4 @@
-"""The terms of all bounds, and what each is replaced by: halved, or left out; see `mutants.py`."""
+"""Mutations of every term of the bounds: the term is halved or left out (see `mutants.py`)."""
 
 from typing import NamedTuple
 
@@ -7,11 +7,11 @@ class Mutation(NamedTuple):
     """One term of a bound made too small.
 
     Attributes:
-        name: in words, of no other one.
-        file: under jaxid/.
-        source: a text that occurs there once.
-        replacement: for it.
-        tests: by their names for pytest; one at least must fail.
+        name: unique name, in words.
+        file: path below jaxid/.
+        source: text that occurs exactly once in the file.
+        replacement: text that replaces it.
+        tests: pytest names of tests, at least one of which must fail.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The oldest versions that pyproject.toml allows, as constraints for pip: `make oldest`."""
+"""The oldest versions that pyproject.toml permits, as constraints for pip: `make oldest`."""
 
 import re
 import tomllib
@@ -8,7 +8,7 @@ PROJECT = Path(__file__).parent.parent / "pyproject.toml"
 
 
 def oldest() -> list[str]:
-    """One `name==version` for each dependency that has a lower bound."""
+    """Return one `name==version` for each dependency that has a lower bound."""
     project = tomllib.loads(PROJECT.read_text())["project"]
     bounds = [*project["dependencies"], *project["optional-dependencies"]["test"]]
     pairs = (re.fullmatch(r"([\w-]+)>=([\w.]+)", bound) for bound in bounds)

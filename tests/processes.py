@@ -1,4 +1,4 @@
-"""Real processes that share work on this machine."""
+"""Start and end of separate processes, for tests of parallel work."""
 
 import os
 import socket
@@ -11,7 +11,7 @@ SECONDS = 300
 
 
 def start(*arguments: object, **variables: object) -> subprocess.Popen[str]:
-    """Python with these arguments, and these variables in its environment."""
+    """Start Python with these arguments and these additional environment variables."""
     environment = {"PYTHONPATH": ROOT} | variables
     return subprocess.Popen(
         [sys.executable, *map(str, arguments)],
@@ -24,7 +24,7 @@ def start(*arguments: object, **variables: object) -> subprocess.Popen[str]:
 
 
 def finish(*processes: subprocess.Popen[str]) -> list[str]:
-    """What they print, once all of them have ended well."""
+    """Wait for the processes, require exit code 0, and return what they printed."""
     printed = []
     for process in processes:
         out, err = process.communicate(timeout=SECONDS)
@@ -34,7 +34,7 @@ def finish(*processes: subprocess.Popen[str]) -> list[str]:
 
 
 def free_port(lowest: int, highest: int) -> int:
-    """A port of this machine that nobody listens on."""
+    """Return a port of this machine on which no process listens."""
     ports = range(lowest, highest)
     first = os.getpid() % len(ports)
     for port in (*ports[first:], *ports[:first]):

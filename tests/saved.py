@@ -1,4 +1,4 @@
-"""Folders like those of `jaxid design`, without a search."""
+"""Folders like those that `jaxid design` writes, made without a search."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from jaxid.io.results import write_result
 
 
 def save_design(folder: Path, trajectory: Path, digest: str) -> None:
-    """A motion for all parameters of the axis whose file has this SHA-256."""
+    """Save a motion as a design for all parameters of the axis file with this SHA-256."""
     summary = DesignSummary(
         program=PROGRAM,
         axis_sha256=digest,

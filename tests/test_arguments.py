@@ -1,4 +1,4 @@
-"""What every public function and class accepts and refuses: precision, traced values, lists."""
+"""Arguments that public functions and classes accept or refuse: precision, traced values, lists."""
 
 import inspect
 
@@ -17,7 +17,7 @@ from jaxid.motion.trajectory import uniform
 from jaxid.regression.minimax import minimax
 from jaxid.regression.worst_case import Norm, infinity
 
-H, T = 1e-3, 0.01  # s; knots
+H, T = 1e-3, 0.01  # s: sample period, knot period
 BOX = {"position": [0.0, 0.5], "velocity": [-1.0, 1.0], "input": [-9.0, 9.0]}
 JERK = [900, -900, -900, 900, 0, -900, 900, 900, -900]
 
@@ -43,7 +43,7 @@ def samples():
     return (time, *motion().states(time))
 
 
-# every public function that takes arrays, with arguments that it accepts
+# every public function that takes arrays, with valid arguments
 DOORS = {
     "run": lambda: (plant(), motor.controller(), jd.Servo(H, 1e-6), motion()),
     "planned_error": lambda: (motor.system(), motion()),
@@ -66,7 +66,7 @@ DOORS = {
     "filtered_least_squares": lambda: (experiment().record, motor.system(), 200.0, H),
     "sampled": lambda: (motion(), H),
 }
-# they take paths, names or numbers alone
+# public functions that take only paths, names or numbers
 NO_ARRAYS = {
     "configure",
     "read_axis",
@@ -88,7 +88,7 @@ def test_every_public_function_is_here():
 
 
 def single(tree):
-    """In single precision, and whether anything of it was in double."""
+    """Return a tree with its arrays in single precision, and whether any was double before."""
     doubles = [x for x in jax.tree.leaves(tree) if eqx.is_inexact_array(x)]
     return jax.tree.map(
         lambda x: x.astype(jnp.float32) if eqx.is_inexact_array(x) else x, tree
@@ -112,7 +112,7 @@ def test_single_precision_is_refused_argument_by_argument(name):
 
 @pytest.mark.parametrize("name", DOORS)
 def test_a_program_that_forgot_to_switch_on_double_precision_is_told_so(name):
-    """All is made in single precision, as without `jaxid.configure()`."""
+    """Without `jaxid.configure()` all arrays are float32. The error message names `configure()`."""
     with jax.enable_x64(False), pytest.raises(ValueError, match=r"must be float64.*configure\(\)"):
         getattr(jd, name)(*DOORS[name]())
 
@@ -142,7 +142,7 @@ TRACED = {
 
 
 def numbers_of(tree):
-    """Its arrays, and how to put others in their places."""
+    """Return the arrays of a tree, and a function that puts other arrays in their places."""
     arrays, rest = eqx.partition(tree, eqx.is_array)
     return arrays, lambda others: eqx.combine(others, rest)
 
@@ -185,7 +185,10 @@ def test_what_a_servo_is_made_of_is_not_traced():
 
 
 def test_the_slope_of_an_experiment_over_the_jerk(quick_compilation):
-    """Made inside of what is traced: signals, record and log; with an encoder it is refused."""
+    """The gradient of signals, record and log agrees with finite differences.
+
+    With an encoder it is refused.
+    """
 
     def end(jerk, resolution=0.0):
         trajectory, servo = uniform([0, 0, 0], jerk, T), jd.Servo(H, resolution)
@@ -240,7 +243,8 @@ def test_lists_of_whole_numbers_numpy_and_jax_arrays_are_the_same(name):
         assert jax.tree.structure(found) == jax.tree.structure(expected)
         for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
             assert jnp.result_type(a) == jnp.result_type(b)
-            assert jnp.result_type(a) == jnp.float64 or a == 0  # the delay, in periods
+            # the delay, a number of sample periods
+            assert jnp.result_type(a) == jnp.float64 or a == 0
             np.testing.assert_array_equal(a, b)
 
 

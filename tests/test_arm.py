@@ -1,4 +1,4 @@
-"""The second axis through the whole chain: rotary, asymmetric limits, gravity."""
+"""The second example axis, from design to intervals: rotary, asymmetric limits, gravity."""
 
 import shutil
 
@@ -50,7 +50,7 @@ def test_from_design_to_identified_interval(key):
     assert jnp.all((estimate.lower <= truth) & (truth <= estimate.upper))
     np.testing.assert_allclose(estimate.bound, star, rtol=0.15)
 
-    # the worst Δ for G, on random arms and under another law
+    # worst-case Δ for G, on random arms with another controller
     weights = least_squares(filtered(record, W, arm.CONTROL_PERIOD).rows)[3]
     worst = Sequence(jnp.sign(adjoint(weights, W, arm.CONTROL_PERIOD)))
     pd = PDFeedforward(system, system.centre, 200.0, 4.0)
@@ -68,7 +68,10 @@ def test_units_follow_the_coordinate():
 
 
 def test_what_is_printed_of_it_is_that_of_the_motions_in_the_files(figures, tmp_path):
-    """Redrawn: errors, floor and gap of six designs; the log of one run proves the truth."""
+    """The printed tables agree with those recomputed from the committed motions.
+
+    Every guaranteed interval of the simulated run contains the true parameter.
+    """
     for path in figures.glob("arm_*.csv"):
         shutil.copy(path, tmp_path)
     study = one_link_arm.Study(tmp_path, redraw=True)
@@ -94,7 +97,7 @@ def test_what_is_printed_of_it_is_that_of_the_motions_in_the_files(figures, tmp_
         assert float(row["lower"]) <= float(row["theta_true"]) <= float(row["upper"])
         length = float(row["upper"]) - float(row["lower"])
         for end in ("lower", "upper"):
-            # another processor may read another count here and there
+            # on another processor some encoder readings may differ by one count
             assert float(row[end]) == pytest.approx(float(other[end]), abs=0.01 * length)
 
 

@@ -1,4 +1,4 @@
-"""An axis in a file is the one that Python makes; what cannot be is refused, in sentences."""
+"""An axis file gives the same axis as Python code; invalid files are refused with a message."""
 
 import sys
 from pathlib import Path
@@ -20,7 +20,7 @@ from jaxid.model.regressors import OneWay, Sine
 
 @pytest.fixture
 def read(tmp_path):
-    """The linear example with some text exchanged."""
+    """Return a function that reads the example file with some texts replaced."""
 
     def changed(*pairs, coordinate="linear"):
         text = example(coordinate)
@@ -50,7 +50,7 @@ def test_the_examples_are_the_axes_of_the_library(read, coordinate, axis):
 
 
 def test_limits_of_a_command_become_those_of_the_input(read):
-    """With the sign of the gain."""
+    """The limits are multiplied by the gain; a negative gain exchanges the ends."""
     found = read(("gain = 1.0", "gain = -2.0"), ("input = [-10.0, 10.0]", "input = [-4.0, 5.0]"))
     np.testing.assert_array_equal(found.task.limits.input, [-10.0, 8.0])
     np.testing.assert_array_equal(found.task.limits.input_rate, [-20_000.0, 20_000.0])
@@ -130,7 +130,7 @@ other = jd.System(terms, jd.ConstantBound(0.3), "N")
 
 @pytest.fixture
 def coded(tmp_path):
-    """A file whose terms are named in Python, next to it."""
+    """Yield a function that writes a file with its terms in a Python module beside it."""
     (tmp_path / "own_axis_code.py").write_text(CODE)
     text = example("linear")
     start, end = text.index("# One table per unknown"), text.index("[limits]")
@@ -155,7 +155,7 @@ def test_python_code_runs_only_if_that_is_allowed(coded, name):
     assert not [name for name in sys.modules if name.startswith("jaxid_axis_")]
     found = read_axis(path, run_python=True)
     assert found.system.names == ("m", "b")
-    # (18) of the limits in the file with these terms: (10 − 1·2)/2
+    # acceleration limit by (18) with these terms: (10 − 1·2)/2
     np.testing.assert_allclose(found.task.limits.acceleration, [-4.0, 4.0])
     before = found.digest
     code = path.parent / "own_axis_code.py"

@@ -1,4 +1,4 @@
-"""From a log in a file to intervals that hold the truth, or to what speaks against them."""
+"""From a log file to intervals that contain the true parameters, or to a proof of inconsistency."""
 
 import hashlib
 import json
@@ -38,13 +38,13 @@ UNITS = [
 
 @pytest.fixture(scope="module")
 def log(figures):
-    """Of the motor, with cogging and friction."""
+    """Return a log of the simulated motor, with cogging and friction."""
     motion = read_trajectory(figures / "trajectory_minimax.csv")
     return run(motor.plant(), motor.controller(), motor.servo(), motion).log
 
 
 def rows_of(log):
-    """Time in ms, what was commanded two periods before it acted, position in µm."""
+    """Return rows of time in ms, command two sample periods before it acts, and position in µm."""
     n = log.input.size - DELAY
     time = 1e3 * motor.CONTROL_PERIOD * np.arange(n)
     commanded = np.asarray(log.input)[DELAY:] / -0.5
@@ -52,7 +52,7 @@ def rows_of(log):
 
 
 def written(tmp_path, rows, *changes):
-    """An axis file and a log as text."""
+    """Write an axis file and a log file, and return the arguments of the command."""
     axis = example("linear")
     for old, new in (*UNITS, *changes):
         assert old in axis
@@ -88,12 +88,12 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
         assert one["prior"][0] <= low <= truth <= high <= one["prior"][1]
         assert one["theta_hat"] - one["bound"] <= low
         assert high <= one["theta_hat"] + one["bound"]
-        # what is printed contains it, to the fifth digit
+        # the printed interval contains the computed one, and agrees to five digits
         printed = re.search(rf"^ *{name} .* (\S+) … (\S+)$", said, re.M)
         at_least, at_most = map(float, printed.groups())
         assert at_least <= low <= at_least + 1e-4 * abs(low)
         assert at_most - 1e-4 * abs(high) <= high <= at_most
-    # the same as from Python
+    # the same bounds as from Python
     axis = read_axis(tmp_path / "axis.toml")
     time, u, q = rows.T
     recorded = Recorded(time * 1e-3, q * 1e-6, u * -0.5)
@@ -102,14 +102,17 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     own = guaranteed_intervals(axis.system, logs, knots_by_length(1000, logs))
     bounds = [one["bound"] for one in found["parameters"].values()]
     np.testing.assert_allclose(bounds, own.estimate.bound, rtol=1e-9)
-    assert bounds[0] < 0.0039  # the whole log proves 0.0036
+    assert bounds[0] < 0.0039  # the whole log gives 0.0036
     with pytest.raises(SystemExit):
         cli.main(["identify", *arguments])
     assert "already exist" in capsys.readouterr().err
 
 
 def test_a_log_with_a_large_unknown_force_is_falsified(tmp_path, log, capsys):
-    """0.6 V more during the last third: more than twice δ, which no θ of the box can be."""
+    """An additional 0.6 V in the last third of the log is reported as an inconsistency.
+
+    It is more than twice δ, so that no θ of the prior box explains it.
+    """
     rows = rows_of(log)
     rows[2000:, 1] += 0.6 / -0.5
     with pytest.raises(SystemExit) as stopped:
@@ -123,7 +126,10 @@ def test_a_log_with_a_large_unknown_force_is_falsified(tmp_path, log, capsys):
 
 
 def test_what_no_disturbance_explains_is_a_contradiction_too(tmp_path, log, capsys):
-    """The zero of the positions moves by 0.2 m within a tick."""
+    """A position offset that jumps by 0.2 m within one sample period is reported as inconsistent.
+
+    The reported factor of δ is the largest that is tested.
+    """
     rows = rows_of(log)[:600]
     rows[300:, 2] += 0.2e6
     with pytest.raises(SystemExit) as stopped:
@@ -137,7 +143,7 @@ def test_what_no_disturbance_explains_is_a_contradiction_too(tmp_path, log, caps
 
 
 def test_a_contradiction_of_the_second_reading_is_one_too(tmp_path, log, monkeypatch, capsys):
-    """The first reading may find δ large enough, and the box that it leaves still be empty."""
+    """The log is inconsistent if its intervals are empty, even if the test of δ accepted it."""
 
     def refused(*arguments):
         raise InconsistentLogError("no M in its prior interval can have left it.")
@@ -148,14 +154,17 @@ def test_a_contradiction_of_the_second_reading_is_one_too(tmp_path, log, monkeyp
     assert stopped.value.code == 3
     said = capsys.readouterr().out
     assert "Inconsistent log: No parameter vector of the prior box explains the data" in said
-    assert "Check, in this order: sign and unit of the input" in said  # no δ was enough
+    assert "Check, in this order: sign and unit of the input" in said  # no tested δ was sufficient
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     assert not found["consistent"]
     assert found["disturbance_factor"] > 100
 
 
 def test_a_record_that_cannot_tell_two_parameters_apart_says_so(tmp_path, capsys):
-    """At one speed in one direction: friction and offset are one force."""
+    """At one constant speed friction and offset are one force.
+
+    M, B and F_c are reported as not identifiable.
+    """
     n, period, speed = 1500, motor.CONTROL_PERIOD, 0.5
     time = period * np.arange(n)
     q = 0.1 + speed * time
@@ -203,7 +212,7 @@ def test_an_axis_without_columns_reads_no_log(tmp_path, log, capsys):
 
 
 def test_a_log_of_any_motion_will_do(tmp_path):
-    """Constant speeds there and back, that nobody designed."""
+    """The motion has constant speeds there and back and is not optimised."""
     jerk = jnp.array([60.0, -60.0, 0.0, -60.0, 60.0, -60.0, 60.0, 0.0, 60.0, -60.0])
     motion = uniform(jnp.zeros(3), jerk, 0.06)
     _, signals, log = run(motor.plant(), motor.controller(), motor.servo(), motion)
@@ -213,7 +222,7 @@ def test_a_log_of_any_motion_will_do(tmp_path):
     assert np.all((found.result.lower <= TRUTH) & (found.result.upper >= TRUTH))
     assert found.result.disturbance_factor < 1
     assert found.result.batches == 1
-    # what is left of the input is not more than δ but for what least squares shift
+    # the residual exceeds δ only by what the error of the least-squares fit adds
     assert np.max(np.abs(found.fit.residual)) < 2 * 0.25
     assert np.max(np.abs(found.fit.velocity)) == pytest.approx(
         float(jnp.max(jnp.abs(signals.velocity))), rel=0.05

@@ -1,4 +1,4 @@
-"""A first box and δ from a jog: by the rule that is printed, and wide enough for its axis."""
+"""The prior box and δ proposed from a jog: by the printed rule, and wide enough for the axis."""
 
 import re
 
@@ -24,7 +24,7 @@ TRUTH = np.array(motor.TRUE_PARAMETERS)
 
 @pytest.fixture(scope="module")
 def jog():
-    """Constant speeds there and back."""
+    """Return the log of a motion there and back at constant speeds."""
     jerk = jnp.array([60.0, -60.0, 0.0, -60.0, 60.0, -60.0, 60.0, 0.0, 60.0, -60.0])
     motion = uniform(jnp.zeros(3), jerk, 0.06)
     return run(motor.plant(), motor.controller(), motor.servo(), motion).log
@@ -41,11 +41,11 @@ def test_a_fit_is_that_of_the_means_by_hand(jog):
     theta = np.linalg.lstsq(np.stack(phi, axis=1), rest, rcond=None)[0]
     np.testing.assert_allclose(found.theta, theta, rtol=1e-8)
     np.testing.assert_allclose(found.residual, rest - np.stack(phi, axis=1) @ theta, atol=1e-8)
-    # the largest shift: that of a rest with the signs of the weights
+    # largest shift of the estimate: by a residual with the signs of the weights
     weights = np.linalg.pinv(np.stack(phi, axis=1))
     worst = np.max(np.abs(found.residual)) * np.sum(np.abs(weights), axis=1)
     np.testing.assert_allclose(found.shift, worst, rtol=1e-8)
-    # two halves of a log, apart: the mean across the cut is lost, and time goes on
+    # two halves of the log as two logs: the mean across the cut is lost, and time still increases
     halves = [
         Log(jog.input[a:b], jog.position[a : b + 1], PERIOD, jog.resolution)
         for a, b in ((0, 1500), (1500, 3000))
@@ -66,18 +66,22 @@ def test_a_log_that_does_not_tell_parameters_apart_is_not_fitted():
 
 
 def test_short_pieces_of_a_long_log_are_fitted_too(jog):
-    """A mean is not of more ticks than a piece has, however many pieces there are."""
+    """With many short segments, a mean has no more samples than a segment has."""
     pieces = [
         Log(jog.input[a : a + 150], jog.position[a : a + 151], PERIOD, jog.resolution)
         for a in range(0, 3000, 150)
     ]
-    apart = fit_least_squares(motor.system(), pieces, means=10)  # 300 ticks to a mean
+    # 300 samples per mean of the whole log
+    apart = fit_least_squares(motor.system(), pieces, means=10)
     assert apart.residual.size == 20 * (149 // 15)
     np.testing.assert_allclose(apart.theta[0], TRUTH[0], rtol=0.05)
 
 
 def test_what_is_no_inertia_and_no_friction_is_not_proposed(tmp_path, jog):
-    """A wrong sign of the input; and an axis that drives itself."""
+    """Negative inertia and negative friction are refused.
+
+    The causes here are an input of the wrong sign, and an axis that drives itself.
+    """
     (tmp_path / "axis.toml").write_text(example("linear"))
     axis = read_axis(tmp_path / "axis.toml")
     y, u = np.asarray(jog.position), np.asarray(jog.input)
@@ -100,14 +104,14 @@ def test_a_proposal_holds_the_motor_and_its_disturbance(tmp_path, jog, capsys):
     assert np.all((found.lower <= TRUTH) & (found.upper >= TRUTH))
     assert found.lower[0] > 0
     assert np.all(found.lower[1:3] >= 0)
-    # cogging and low-speed friction: 0.25 V at most, of which the log shows a part
+    # cogging and low-speed friction: at most 0.25 V, not all of which occurs in the log
     assert 0.03 < found.delta < 0.35
     rows = np.stack([PERIOD * np.arange(3000), jog.input, jog.position[:-1]], axis=1)
     header = "time_s,input,position_m"
     np.savetxt(tmp_path / "jog.csv", rows, "%.17g", ",", header=header, comments="")
     cli.main(["prior", str(tmp_path / "axis.toml"), str(tmp_path / "jog.csv")])
     said = capsys.readouterr().out
-    # what is printed is no smaller than what was found, to the fourth digit
+    # the printed values are no smaller than the computed ones, and agree to four digits
     level = float(re.search(r"level = (\S+) V", said)[1])
     assert found.delta <= level <= found.delta * 1.001
     for name, low, high in zip(axis.system.names, found.lower, found.upper, strict=True):

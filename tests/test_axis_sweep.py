@@ -1,4 +1,4 @@
-"""What a sweep of an axis of a file says is what its closed loops do."""
+"""The results of a sweep of an axis file against single closed loops."""
 
 import json
 
@@ -31,7 +31,7 @@ PROGRAM = "import sys; from jaxid.axis.cli import main; main(sys.argv[1:])"
 
 @pytest.fixture
 def folder(figures, tmp_path):
-    """A design of the arm, which starts from home, and whose commands act a period late."""
+    """Return a folder with a design of the arm that starts from home, with a delay of 1."""
     text = example("rotary").replace("# home = 1.0 ", "home = 0.1 ")
     (tmp_path / "arm.toml").write_text(text.replace("delay = 0 ", "delay = 1 "))
     digest = read_axis(tmp_path / "arm.toml").digest
@@ -58,7 +58,7 @@ def test_a_folder_of_designs_is_swept(folder):
     assert found.kp.attrs["units"] == "N m/rad"
     np.testing.assert_array_equal(found.kp, [8.0, 4.0])
     assert float(found.horizon[0]) == 1.0
-    # second truth: the loop by itself, undisturbed, in the middle of the box
+    # independent computation: one closed loop, undisturbed, at the centre of the prior box
     axis = read_axis(folder / "arm.toml")
     motion = read_trajectory(folder / "choice" / "all_1s" / "trajectory.csv", "rotary")
     whole, period = played(axis, motion), axis.servo.period
@@ -70,7 +70,7 @@ def test_a_folder_of_designs_is_swept(folder):
     assert float(one.tracking_error) == pytest.approx(float(jnp.max(error)), rel=1e-6)
     expected = least_squares_estimate(filtered(record, 200.0, period), axis.system).bound
     np.testing.assert_allclose(one.bound.sel(bandwidth=200.0), expected, rtol=1e-6)
-    # what is printed is the worst of all scenarios, with the better bandwidth
+    # the printed value is the largest of all scenarios, with the best bandwidth
     rows = SweepResult(axis_sweep.Sweep(axis, saved, found)).summary()
     assert len(rows) == 5
     for target, duration, name, w, worst, _ in rows:
@@ -107,7 +107,7 @@ def test_what_cannot_be_swept_is_said(folder, capsys, monkeypatch):
     assert "--factors must be distinct numbers above zero" in said(
         folder / "choice", "--factors", 1, 1
     )
-    with monkeypatch.context() as second:  # of two processes
+    with monkeypatch.context() as second:  # the second of two processes
         second.setattr(axis_sweep.jax, "process_index", lambda: 1)
         second.setattr(axis_sweep.blocks, "compute", lambda *arguments: None)
         cli.main(["sweep", str(path), str(folder / "choice")])

@@ -1,4 +1,4 @@
-"""The benchmarks compute what they say: no time is asserted here."""
+"""The benchmarks compute what they report; no run time is tested."""
 
 import dataclasses
 
@@ -17,7 +17,7 @@ from jaxid.io.files import read_table
 
 needs_compiler = pytest.mark.skipif(compiled.compiler() is None, reason="there is no C compiler")
 LANES = 3
-SHORT = np.array([400.0, -400.0, -300.0, -100.0, 300.0, 100.0])  # jerks, m/s³, over 300 ticks
+SHORT = np.array([400.0, -400.0, -300.0, -100.0, 300.0, 100.0])  # jerks, m/s³, over 300 samples
 
 
 @needs_compiler
@@ -44,7 +44,7 @@ def test_lanes_by_hand_agree_with_jax(flags):
         jnp.asarray(jerk), jnp.asarray(theta)
     )
     np.testing.assert_allclose(found, expected, rtol=1e-9)
-    # whoever loads it keeps the arithmetic that it had
+    # loading the compiled code does not change the arithmetic of this process
     assert np.array([1e-310]) * 1.0 > 0
 
 
@@ -84,7 +84,7 @@ def test_ratios_are_of_minima_with_the_medians_beside_them():
 def test_actions_take_turns():
     calls = []
     times = interleaved({"a": lambda: calls.append("a"), "b": lambda: calls.append("b")}, 3)
-    assert calls == ["a", "b"] * 4  # the first turn warms up
+    assert calls == ["a", "b"] * 4  # the first round is a warm-up
     assert all(len(one.seconds) == 3 for one in times.values())
 
 

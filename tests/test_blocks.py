@@ -1,4 +1,4 @@
-"""Blocks: once each, whole or not at all, and the same whoever computes them when."""
+"""Blocks: each computed once, written whole or not at all, with the same bits in every setting."""
 
 import os
 import signal
@@ -122,8 +122,8 @@ def test_the_compiled_program_has_no_collective():
     assert not any(word in text for word in ("all-reduce", "all-gather", "collective-permute"))
 
 
-# 13 pendulums with random forces. The program ends by SIGKILL when the block after `survivors` is
-# computed and written, but not in its place yet.
+# 13 pendulums with random forces. The program is killed by SIGKILL when `survivors` blocks are in
+# place and the next one is written, but not yet renamed.
 PENDULUMS = """
 import os, signal, sys
 from pathlib import Path
@@ -172,7 +172,7 @@ def test_the_same_bits_on_any_devices_and_processes_and_after_kill_9(tmp_path):
         running += [pendulums(f"2x{devices}", devices, -1, coordinator, 2, k) for k in range(2)]
     _, errors = killed.communicate(timeout=SECONDS)
     assert killed.returncode == -signal.SIGKILL, errors
-    # two rounds of two blocks, less the one that was not in its place yet
+    # two rounds of two blocks, except the one that was not yet renamed
     assert len(list((tmp_path / "1x2").glob("block_*"))) == 3
     written, *others = finish(pendulums("1x2", 2), *running)
     assert [text.count("block") for text in (written, *others)] == [4, 7, 4, 3, 4, 3]

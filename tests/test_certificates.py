@@ -1,4 +1,4 @@
-"""The motor's certificates: what is printed of them, against second truths."""
+"""The printed certificates of the motor against independent computations."""
 
 import shutil
 
@@ -29,7 +29,10 @@ def table(figures):
 
 
 def test_one_motion_is_near_the_floor_of_every_parameter_at_once(motion, table):
-    """Within 6, 1.5, 2 and 1 %, every limit exact."""
+    """The optimality gaps of M, B, F_c and d̄ are at most 6, 1.5, 2 and 1 %.
+
+    The motion keeps every limit exactly.
+    """
     least = lower_bound(motor.system(), motor.limits())
     gap = np.asarray(certificates.worth(motion, least).evaluation.gap)
     assert np.all(gap <= [0.06, 0.015, 0.02, 0.01])
@@ -40,7 +43,7 @@ def test_one_motion_is_near_the_floor_of_every_parameter_at_once(motion, table):
 
 
 def test_every_design_is_appraised_and_its_errors_are_ordered_as_they_must_be(table, figures):
-    """The best estimator of exact signals is between the floor and every other one."""
+    """For exact signals, the minimax error is above the lower bound and below all other errors."""
     designs = sorted({key[:2] for key in table} - {(ONE_MOTION, "30")})
     files = [path.stem.removeprefix("trajectory_") for path in figures.glob("trajectory_*_N*.csv")]
     assert [f"{label.removeprefix('lse_')}_N{n}" for label, n in designs] == sorted(files)
@@ -53,7 +56,7 @@ def test_every_design_is_appraised_and_its_errors_are_ordered_as_they_must_be(ta
 
 
 def test_printed_minimax_errors_are_those_of_another_solver(table, motion):
-    """HiGHS on the same rows, in units of δ and the prior: to 1e-6."""
+    """HiGHS on the same rows gives the same errors to 1e-6."""
     system = motor.system()
     rows = rows_of(system, *motion.midpoints(256))
     phi = np.asarray(rows.regressors) / np.asarray(rows.delta)[:, None]
@@ -87,12 +90,15 @@ def test_a_run_of_the_motion_proves_what_the_table_says(motion, figures):
         found = [proof.guarantee.estimate.half_widths[k], proof.left.lower[k], proof.left.upper[k]]
         columns = ("half_width", "feasible_lower", "feasible_upper")
         printed = [float(row[name]) for name in columns]
-        # another processor may read another count here and there
+        # on another processor some encoder readings may differ by one count
         np.testing.assert_allclose(jnp.stack(found), printed, atol=0.01 * printed[0])
 
 
 def test_what_other_sensors_cost_is_what_the_table_says(tmp_path, figures):
-    """Recomputed for one sensor; for all, modulating functions guarantee most."""
+    """The table is recomputed for one sensor.
+
+    For all sensors, modulating functions give the smallest errors.
+    """
     rows = read_table(figures / "sensors.csv")
     options = sensors.Sensors(tmp_path, figures, toy=True)
     sensors.main(options)
@@ -111,9 +117,10 @@ def test_what_other_sensors_cost_is_what_the_table_says(tmp_path, figures):
 
 
 def test_each_round_knows_more_than_the_one_before(figures):
-    """By all logs together, no interval of the round before being intersected.
+    """In each round the bounds from all logs together are smaller than in the round before.
 
-    Of B, F_c and d̄ no log can prove 1 % more than the first: that is how near it is to the floor.
+    Intervals of earlier rounds are not intersected with the new ones. For B, F_c and d̄ the first
+    log alone is within 1 % of the lower bound, so that no later log can improve them by more.
     """
     rounds = {}
     for row in read_table(figures / "sequential.csv"):
@@ -131,10 +138,10 @@ def test_each_round_knows_more_than_the_one_before(figures):
         assert now["bound"] < before["bound"]
         assert width(now) < 0.9995 * width(before)
         assert now["acceleration_m_s2"] > before["acceleration_m_s2"]
-        if name == "M":  # also by the log of this round alone
+        if name == "M":  # also from the log of this round alone
             assert now["alone"] < 0.999 * before["alone"]
         if name == "M" and number == 2:
-            # mostly since the box allows more acceleration, not for the longer time
+            # mostly by the acceleration that the smaller box permits, hardly by the longer time
             assert now["alone"] < (0.8 if jerk == 1000 else 0.65) * before["alone"]
             assert now["alone_first_limits"] > 0.95 * before["alone"]
 
@@ -147,7 +154,7 @@ def test_the_table_of_the_rounds_is_that_of_the_motions_in_the_files(figures, tm
     assert len(again) == len(printed) == 24
     for row, other in zip(printed, again, strict=True):
         for column in ("alone", "bound", "lower_bound"):
-            # another processor may read another count here and there
+            # on another processor some encoder readings may differ by one count
             assert float(row[column]) == pytest.approx(float(other[column]), rel=1e-3)
         for column in ("lower", "upper", "feasible_lower", "feasible_upper"):
             assert float(row[column]) == pytest.approx(

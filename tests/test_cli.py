@@ -1,4 +1,4 @@
-"""The command: what it writes and says, and what it refuses without a traceback."""
+"""The `jaxid` command: its files and printed text, and errors as one line without a traceback."""
 
 import hashlib
 import json
@@ -39,13 +39,13 @@ def toy(monkeypatch):
 
 
 def refused(capsys, *arguments):
-    """What is said, in one line, of something that is wrong."""
+    """Run the command, require exit code 1 and no traceback, and return the last error line."""
     with pytest.raises(SystemExit) as stopped:
         cli.main(list(map(str, arguments)))
     assert stopped.value.code == 1
     said = capsys.readouterr().err
     assert "Traceback" not in said
-    last = said.splitlines()[-1]  # progress comes before
+    last = said.splitlines()[-1]  # lines before it report progress
     assert last.startswith("jaxid: ")
     return last
 
@@ -65,7 +65,7 @@ def test_an_example_is_written_once(tmp_path, capsys):
 
 @pytest.mark.usefixtures("quick_compilation", "toy")
 def test_a_design_is_written_for_a_servo(tmp_path, capsys):
-    """From the file of a rotary axis to files whose numbers are those of the library."""
+    """The numbers in all files of a design of a rotary axis are those that the library computes."""
     path, out = tmp_path / "arm.toml", tmp_path / "arm"
     cli.main(["init", str(path), "--coordinate", "rotary"])
     text = path.read_text().replace("# home = 1.0 ", "home = 1.0 ").replace("# settle", "settle")
@@ -84,7 +84,7 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
     assert written["target"] == "wanted"
     assert written["parameters"]["G"]["wanted"] == 0.07
     assert written["axis_sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
-    # what is played begins at home, rests 0.1 s before the motion, and is the motion from there on
+    # the set-points begin at home, rest for 0.1 s at the start, and then follow the motion
     points, begins = read_setpoints(out / "setpoints.csv", "rotary"), written["begins_s"]
     before, at = points.time < begins - 1e-9, points.time - begins
     assert points.position[0] == 1.0
@@ -96,7 +96,7 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
     for k, name in enumerate(system.names):
         own = written["parameters"][name]
         assert f"{own['predicted']:.4g}" in said
-        # an error is at most proportional to δ, and no guarantee is worse than the box
+        # an error grows at most in proportion to δ and does not exceed the half-width of the box
         half, twice = own["predicted_with_delta_times"].values()
         box = float(system.half_widths[k])
         assert own["predicted"] / 2 * 0.99 <= half <= own["predicted"] <= twice <= box
@@ -109,7 +109,7 @@ def test_a_design_is_written_for_a_servo(tmp_path, capsys):
 
 
 def hardly_designed(axis, target, seed, effort, report):
-    """In the place of a search, whose result is tested above."""
+    """Return a design without a search, which another test covers."""
     task = axis.task
     motion = interior(task.limits, task.boundary, task.intervals, task.period)
     least = lower_bound(axis.system, task.limits)
@@ -117,7 +117,10 @@ def hardly_designed(axis, target, seed, effort, report):
 
 
 def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
-    """Two durations and two targets; what was found is kept, and used again."""
+    """Two durations and two targets give four designs and one table.
+
+    A second run uses the saved designs again.
+    """
     monkeypatch.setattr(axis_tradeoff, "design_axis", hardly_designed)
     path, out = tmp_path / "axis.toml", tmp_path / "choice"
     cli.main(["init", str(path)])
@@ -145,7 +148,7 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     before = (out / "tradeoff.csv").read_text()
     (out / "tradeoff.csv").unlink()
     (out / "tradeoff.png").unlink()
-    monkeypatch.setattr(axis_tradeoff, "design_axis", None)  # not called again
+    monkeypatch.setattr(axis_tradeoff, "design_axis", None)  # must not be called again
     cli.main(asked)
     assert (out / "tradeoff.csv").read_text() == before
     (out / "tradeoff.csv").unlink()
@@ -161,7 +164,7 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     motion.write_text(kept)
     path.write_text(path.read_text() + "# another axis\n")
     assert "M_0.5s has a design that was made with another axis file" in refused(capsys, *asked)
-    # what may be replaced is designed anew, for the axis as it is now
+    # with --force all designs are made again, for the present axis file
     saved = designs_in(out, "linear").designs.values()
     assert len(of_another_axis(saved, read_axis(path))) == 4
     (out / "all_0.5s" / "trajectory.csv").write_text("damaged")
@@ -171,7 +174,7 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
     saved = designs_in(out, "linear").designs
     assert of_another_axis(saved.values(), read_axis(path)) == ()
     assert (out / "tradeoff.csv").read_text() == before
-    # the table is of these designs
+    # the manifest of the table names these designs
     manifest = json.loads((out / "manifest.json").read_text())["parts"]["tradeoff"]
     assert manifest["results"] == {where: one.part.digest for where, one in saved.items()}
     assert set(manifest["results"]) == {
@@ -180,7 +183,10 @@ def test_several_designs_are_compared(tmp_path, capsys, monkeypatch):
 
 
 def test_a_design_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch):
-    """Its numbers would be beside the motion of another one. And a delay is said."""
+    """An interrupted write leaves no folder, so that files of two designs are never mixed.
+
+    A complete design names the delay among its assumptions and is read back unchanged.
+    """
     path, out = tmp_path / "axis.toml", tmp_path / "out"
     path.write_text(example("linear").replace("delay = 0 ", "delay = 2 "))
     axis = read_axis(path)
@@ -197,7 +203,7 @@ def test_a_design_that_was_not_written_to_its_end_is_none(tmp_path, monkeypatch)
     part = write(out, DesignResult(found))
     written = json.loads((out / "design.json").read_text())
     assert any("acts 2 sample periods after" in sentence for sentence in written["assumptions"])
-    # the manifest says where it is from, and what was written is read again
+    # the manifest names program and axis file; the files are read back unchanged
     assert part.program == PROGRAM
     assert part.sources == {"axis": hashlib.sha256(path.read_bytes()).hexdigest()}
     saved = read_design(out, "linear")
@@ -245,7 +251,7 @@ def test_help_shows_what_there_is(capsys):
 
 @pytest.mark.usefixtures("quick_compilation")
 def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
-    """The rotary example, whose commands act two periods late; nothing is said that is not so."""
+    """Files and printed text agree with `simulate_axis`, for a rotary axis with a delay of 2."""
     path, out = tmp_path / "arm.toml", tmp_path / "arm"
     cli.main(["init", str(path), "--coordinate", "rotary"])
     path.write_text(path.read_text().replace("delay = 0 ", "delay = 2 "))
@@ -268,8 +274,8 @@ def test_a_designed_motion_is_simulated(tmp_path, capsys, figures):
     recorded = read_log(out / "simulated_log.csv", axis.columns)
     np.testing.assert_allclose(recorded.position, again.log.position, atol=1e-9)
     assert list(found["log_theta"].values()) == again.theta.tolist()
-    # second truth: the extremes of what was drawn
-    assert float(again.played.duration) > float(motion.duration)  # it begins at home
+    # independent computation: the extremes of the drawn positions
+    assert float(again.played.duration) > float(motion.duration)  # the played motion begins at home
     np.testing.assert_allclose(again.drawn.position[:, 0], 0.3)
     y, (low, high) = again.drawn.position[:, 1:], axis.task.limits.position
     beyond = np.maximum(np.max(y, axis=1) - high, low - np.min(y, axis=1)) / ((high - low) / 2)
@@ -304,7 +310,7 @@ def test_a_design_that_was_changed_is_not_simulated(tmp_path, capsys, figures):
     assert f"{out} must be a result of jaxid design, but has no manifest" in refused(
         capsys, *simulate
     )
-    # that of another program, whose files are as it wrote them
+    # a manifest of another version of the program, whose files are unchanged
     parts = json.loads((tmp_path / "manifest.json").read_text())
     (out / "design.json").write_text("{}")
     digest = hashlib.sha256(b"{}").hexdigest()

@@ -1,4 +1,4 @@
-"""Through the loop: the objective and its slopes, and what the axis does."""
+"""Closed loops: objectives through the loop, their gradients, and the motion of the axis."""
 
 import equinox as eqx
 import jax
@@ -48,7 +48,8 @@ def apart(objective, motion, smoothing=0.0):
 
 
 def error_of(index, bandwidth=300.0) -> FilteredError:
-    return FilteredError(Norm(jnp.eye(4)[index][None]), bandwidth, H)  # the index may be traced
+    # the index may be a traced array
+    return FilteredError(Norm(jnp.eye(4)[index][None]), bandwidth, H)
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +64,11 @@ def middle(space):
 
 
 def test_slopes_through_the_loop_are_those_of_finite_differences(space, middle):
-    """log J_f of M, B, F_c and d̄ at 100 random motions, within the limits and far beyond.
+    """Gradients of log J_f of M, B, F_c and d̄ agree with central differences to 1e-6 of |∇|.
 
-    On a ladder of steps the best agrees to 1e-6 of |∇|: up to 2e-8 was measured. Γ is as in the
-    study, or 30,000 times that, and then the projection is active.
+    They are tested at 100 random motions, within the limits and far beyond; the best of four steps
+    counts (at most 2e-8 was measured). Γ is that of the study, or 30,000 times that, for which the
+    projection is active.
     """
     rng = np.random.default_rng(0)
     scenarios = one_plant()
@@ -105,7 +107,7 @@ def test_slopes_through_the_loop_are_those_of_finite_differences(space, middle):
 
 
 def test_slopes_of_the_limits_of_the_axis_are_those_of_finite_differences(space, middle):
-    """Position, velocity, input and input rate of two plants beyond their limits, as penalties."""
+    """Gradients of the penalties on position, velocity, input and input rate of two plants."""
     limits = eqx.tree_at(lambda x: x.input_rate, motor.limits(), jnp.array([-1000.0, 1000.0]))
     scenarios = every(
         motor.system(),
@@ -132,9 +134,13 @@ def test_slopes_of_the_limits_of_the_axis_are_those_of_finite_differences(space,
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.001])
 def test_no_nan_at_any_kink(smoothing):
-    """At rest, where all kinks meet, and at a speed on the threshold of δ; J and the penalties."""
+    """Objective and penalties are finite, with finite gradients, at all kinks.
+
+    They are at rest, where all regressors have kinks, and at the threshold speed of δ.
+    """
     jerk = np.zeros(60)
-    jerk[[20, 21]] = 500.0, -500.0  # rest for 0.2 s, then 0.05 m/s after 10 ms, 0.1 m/s after 20
+    # rest for 0.2 s, then 0.05 m/s after 10 ms and 0.1 m/s after 20 ms
+    jerk[[20, 21]] = 500.0, -500.0
     jerk[[40, 41]] = -500.0, 500.0
     motion = uniform(jnp.zeros(3), jnp.asarray(jerk), T)
     corners, kinds = vertices(motor.system())[:2], [NoDisturbance(), AgainstTracking(200.0)]
@@ -155,7 +161,7 @@ def test_no_nan_at_any_kink(smoothing):
 
 
 def test_no_nan_where_the_axis_never_moves():
-    """J is no number there, since P is singular; what does not need P has a slope."""
+    """At rest P is singular and J undefined. An objective that does not need P has a gradient."""
 
     def value(jerk):
         motion = uniform(jnp.zeros(3), jerk, T)
@@ -170,7 +176,7 @@ def test_the_objective_is_the_bound_that_identification_reports(motion):
     loop, scenarios = ideal_loop(repeats=2), one_plant()
     record, _ = loop(motor.plant(), motion)
     estimate = filtered_least_squares(record, motor.system(), 300.0, H)
-    for index in range(4):  # one compilation: which parameter is data
+    for index in range(4):  # one compilation: the index of the parameter is data
         objective = ThroughLoop(loop, scenarios, error_of(index), SPEED, BLEND)
         value = evaluated(objective, motion)
         assert float(jnp.exp(value)) == pytest.approx(float(estimate.bound[index]), rel=1e-12)
@@ -194,7 +200,7 @@ def test_worst_and_mean_over_scenarios(motion):
 
 
 def test_any_function_of_the_record_is_an_objective(motion):
-    """The loss in the motor's winding, say: the mean of u²."""
+    """The objective is the mean of u², as for the copper loss. Value and gradient are checked."""
     objective = ThroughLoop(
         ideal_loop(), one_plant(), lambda record, _: jnp.mean(record.input**2), SPEED, BLEND
     )
@@ -212,7 +218,7 @@ def test_any_function_of_the_record_is_an_objective(motion):
 
 
 def test_perfect_tracking_without_a_filter_is_the_planned_error(motion):
-    """A filter as fast as a tick leaves J* but for the coarser quadrature."""
+    """With a bandwidth of 1e6 rad/s the error equals J* up to the coarser quadrature."""
     star = planned_error(motor.system(), motion)
     for index in range(3):
         objective = PerfectTracking(motor.system(), error_of(index, 1e6), SPEED, H, TICKS, 2)
@@ -248,7 +254,7 @@ def test_excess_of_the_axis_counts_every_side(motion):
     found = SampledPlants(ideal_loop(), one_plant())(motion)
     limits = motor.limits()
     position, velocity, input, rate = axis_violations(limits, found)
-    assert jnp.max(velocity) > 0  # the motion touches its limit, so the axis leaves it
+    assert jnp.max(velocity) > 0  # the motion touches this limit, so that the axis exceeds it
     assert jnp.max(velocity) == pytest.approx(float(jnp.max(jnp.abs(found.velocity.upper)) / 2 - 1))
     assert jnp.max(position) < 0
     assert jnp.max(input) < 0

@@ -1,4 +1,4 @@
-"""The excitations of textbooks: what they are, that they are sought fairly, what was found."""
+"""Textbook excitations: their definitions, the fairness of their search, the printed results."""
 
 import functools
 import shutil
@@ -46,12 +46,12 @@ def test_every_member_meets_the_end_conditions_and_has_a_slope(name, key):
 
         slopes = np.asarray(jax.jacfwd(jerk)(numbers))
         assert np.all(np.isfinite(slopes))
-        # none of the numbers is without effect
+        # every number has an effect
         assert np.all(np.abs(slopes).max(axis=0) > 0)
 
 
 def test_the_chirp_is_scipys():
-    """Of constant amplitude: the sine whose frequency is linear in time."""
+    """With constant amplitude the acceleration equals `scipy.signal.chirp` with a linear sweep."""
     numbers, phase = jnp.array([-0.3, 0.4, 1.0, 1.0, 0.2, 0.0]), jnp.linspace(0.0, 1.0, 101)
     first, last = (float(family("chirp").cycles(z)) for z in numbers[:2])
     expected = chirp(np.asarray(phase), first, 1.0, last, phi=360 * 0.2 - 90)
@@ -59,7 +59,7 @@ def test_the_chirp_is_scipys():
 
 
 def test_the_binary_sequence_is_of_maximal_length():
-    """Its correlation with itself, shifted, is −1."""
+    """The circular autocorrelation of its 31 entries is −1 at every shift except zero."""
     bits = np.array(excitations._register())
     assert bits.size == 31
     assert set(bits.tolist()) == {1.0, -1.0}
@@ -75,7 +75,7 @@ def test_the_bang_bang_motion_has_the_asked_levels():
 
 @pytest.mark.parametrize("criterion", ["D", "A", "E"])
 def test_information_criteria_are_those_of_the_textbooks(motion, criterion):
-    """From a loop over the rows and the eigenvalues of the covariance."""
+    """The criteria agree with a loop over the rows and the eigenvalues of the covariance."""
     system = motor.system()
     states, weights = motion.midpoints(256)
     P, half_widths = np.zeros((4, 4)), np.asarray(system.half_widths)
@@ -85,12 +85,15 @@ def test_information_criteria_are_those_of_the_textbooks(motion, criterion):
     axes = np.linalg.eigvalsh(np.linalg.inv(P))
     expected = {"D": np.mean(np.log(axes)), "A": np.log(axes.sum()), "E": np.log(axes.max())}
     found = Information(system, criterion, 2.0, 256)(motion, jnp.asarray(0.0))
-    # the jump of δ is spread over what the speed changes between two nodes
+    # the jump of δ is spread over the change of speed between two nodes
     assert float(found) == pytest.approx(expected[criterion] / 2, abs=2e-3)
 
 
 def test_a_family_is_given_at_least_the_starts_and_evaluations_of_a_design():
-    """Counted as the search proceeds: populations, then descents that give up the worse half."""
+    """The evaluations of a design are counted stage by stage.
+
+    After each of the first two stages of a descent, the worse half of the motions is dropped.
+    """
     effort, evaluations = Effort(), 0
     assert effort.stages == 3
     lanes = [effort.starts, *[effort.variations] * effort.rounds]
@@ -119,7 +122,11 @@ def test_a_search_in_a_family_improves_and_keeps_the_limits(key):
 
 
 def test_the_table_is_that_of_the_motions_in_the_files(figures, tmp_path):
-    """Redrawn; every limit exact; ours is the only one within what is allowed of all parameters."""
+    """The printed table agrees with the one recomputed from the committed motions.
+
+    All motions keep every limit. Only the minimax design is within the permitted error of all
+    parameters.
+    """
     for path in figures.glob("compare_*.csv"):
         shutil.copy(path, tmp_path)
     options = compare.Compare(tmp_path, figures, redraw=True)

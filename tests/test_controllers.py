@@ -1,4 +1,4 @@
-"""Theorem 4: the tracking energy of ARC in closed loop, on many plants and disturbances."""
+"""Theorem 4: the tracking error of ARC in closed loop, on many plants and disturbances."""
 
 import itertools
 
@@ -40,7 +40,7 @@ def disturbances(controller: ARC, ticks: int) -> dict[str, Disturbance]:
 
 @eqx.filter_jit
 def largest_ratio(controller, motion, disturbance, thetas, law=None):
-    """max over plants and ticks of V_s over the bound (27), `law` being what is promised."""
+    """Return the largest V_s / bound over plants and samples, with the bound (27) of `law`."""
     law = law or controller
     desired = reference(motion, PERIOD, 3000)
 
@@ -53,7 +53,7 @@ def largest_ratio(controller, motion, disturbance, thetas, law=None):
         rate = 2 * law.k2 / law.system.upper[0]
         fade = jnp.exp(-rate * signals.time[:-1])
         bound = fade * energy[0] + law.epsilon / rate * (1 - fade)
-        # at t = 0 both are zero; a maximum over many values may pass over NaN
+        # both are zero at t = 0; a maximum over a long array may ignore NaN
         ratio = energy[1:] / bound[1:]
         return jnp.max(jnp.where(jnp.isnan(ratio), jnp.inf, ratio))
 
@@ -82,11 +82,11 @@ def test_the_robust_term_meets_26_at_every_point_and_no_more(key):
     def reached(draw, hat, share):
         y, v, a, e, _ = draw
         phi = own.regressors(y, v, a)
-        # the largest |φ'ᵀθ̃ − Δ| that the law allows for: the width of the box, and δ
+        # the largest |φ'ᵀθ̃ − Δ| that the controller allows for: box widths and δ
         h = sum(abs(f) * w for f, w in zip(phi, own.upper - own.lower, strict=True))
         h = h + own.disturbance_bound(y, v)
         p = share * 2 * law.epsilon / h
-        # a reference for which the measured state has this p and this φ'
+        # a reference for which the measured state has this p and φ'
         e_rate = p - law.k1 * e
         desired = States(y - e, v - e_rate, a + law.k1 * e_rate)
         u, _ = law.step(tuple(hat), desired, Measurement(y, v), jnp.asarray(PERIOD))
@@ -102,7 +102,7 @@ def test_the_robust_term_meets_26_at_every_point_and_no_more(key):
 
 
 def test_theorem_4a_needs_the_robust_term(motion, thetas):
-    """Without u_s2 (ε → ∞ in the law alone) the bound is broken: the test has teeth."""
+    """Without u_s2 (ε → ∞ in the controller only) the bound is exceeded: the test can fail."""
     law = motor.controller()
     weak = eqx.tree_at(lambda c: c.epsilon, law, jnp.asarray(jnp.inf))
     adversary = AgainstTracking(law.k1)
@@ -110,7 +110,10 @@ def test_theorem_4a_needs_the_robust_term(motion, thetas):
 
 
 def test_theorem_4a_needs_the_signs_mended(motion, thetas, monkeypatch):
-    """φ' = [ẋ₂eq, φᵀ] of (20)-(21) as printed: acceleration and friction with opposite signs."""
+    """With (20)-(21) as printed, V_s exceeds its bound.
+
+    In φ' acceleration and friction then have opposite signs.
+    """
 
     def printed(self, y, v, x2eq_rate):
         acceleration, *forces = self.system.regressors(y, v, x2eq_rate)
@@ -118,14 +121,14 @@ def test_theorem_4a_needs_the_signs_mended(motion, thetas, monkeypatch):
 
     law = motor.controller()
     monkeypatch.setattr(ARC, "model_regressors", printed)
-    jax.clear_caches()  # what is compiled still has the right signs
+    jax.clear_caches()  # discard code that was compiled with the correct signs
     ratio = largest_ratio(law, motion, NoDisturbance(), thetas[:20])
     jax.clear_caches()
-    assert not ratio <= 1.0  # beyond the bound, or beyond all numbers
+    assert not ratio <= 1.0  # larger than the bound, or NaN
 
 
 class Until(Disturbance):
-    """Another disturbance that ends at a time, s (Theorem 4 B)."""
+    """A disturbance that ends at a given time, s (Theorem 4 B)."""
 
     disturbance: Disturbance
     end: jax.Array
@@ -136,10 +139,10 @@ class Until(Disturbance):
 
 
 def floor_of_tracking(period: float, motion) -> tuple[float, float]:
-    """Largest |e| and |p| over the last of 50 periods, Δ having stopped after the second."""
+    """Return the largest |e| and |p| in the last of 50 repetitions; Δ ends after the second one."""
     duration, count = float(motion.duration), ticks(motion, period)
     controller = motor.controller()
-    # adapting a thousand times faster shows in 50 periods what would take thousands
+    # with Γ a thousand times larger, 50 repetitions suffice instead of thousands
     controller = eqx.tree_at(lambda c: c.gamma, controller, 1000 * controller.gamma)
     desired = reference(motion, period, count, 50)
     adversary = Until(AgainstTracking(controller.k1), jnp.asarray(2 * duration))
@@ -150,12 +153,16 @@ def floor_of_tracking(period: float, motion) -> tuple[float, float]:
     e, p = (np.abs(np.asarray(x)).reshape(50, count).max(axis=1) for x in (e, p))
     assert e[-1] < 0.05 * e[0]
     assert p[-1] < 0.1 * p[0]
-    assert e[-1] == pytest.approx(e[-10], rel=0.01)  # it is a floor, not on the way down
+    assert e[-1] == pytest.approx(e[-10], rel=0.01)  # it has converged and no longer decreases
     return float(e[-1]), float(p[-1])
 
 
 def test_theorem_4b_errors_decay_to_a_floor_that_shrinks_with_the_period(motion):
-    """Measured: 1.04, 0.51, 0.25 µm and 0.45, 0.41, 0.12 mm/s (a peak at v = 0)."""
+    """The remaining tracking errors decrease with the sample period.
+
+    Measured at 0.4, 0.2 and 0.1 ms: |e| of 1.04, 0.51 and 0.25 µm; |p| of 0.45, 0.41 and 0.12 mm/s,
+    a peak at v = 0.
+    """
     e, p = zip(*(floor_of_tracking(period, motion) for period in (4e-4, 2e-4, 1e-4)), strict=True)
     assert all(finer < 0.6 * coarser for coarser, finer in itertools.pairwise(e))
     assert p[0] > p[1] > p[2]
@@ -177,9 +184,10 @@ def test_estimates_stay_in_the_box_and_move(motion):
 
 @given(st.integers(0, 10_000), st.floats(-8.0, 2.0))
 def test_projection_keeps_the_box_and_never_takes_the_estimate_away_from_the_truth(seed, size):
-    """(22)-(24) for one tick: no θ in Ω_θ is farther from θ̂ after the projection than without it.
+    """(22)-(24) for one sample: the projection never moves θ̂ away from any θ in Ω_θ.
 
-    Distances are those of Γ⁻¹, the ones in the proof of Theorem 4. Γ up to steps of 100 boxes.
+    Distances are measured with Γ⁻¹, as in the proof of Theorem 4. Γ ranges over ten decades, up to
+    steps that are many times larger than the box.
     """
     rng = np.random.default_rng(seed)
     system = motor.system()
@@ -193,7 +201,7 @@ def test_projection_keeps_the_box_and_never_takes_the_estimate_away_from_the_tru
     e, e_rate = y - reference.position, v - reference.velocity
     p = e_rate + controller.k1 * e
     phi = controller.model_regressors(y, v, reference.acceleration - controller.k1 * e_rate)
-    free = hat - PERIOD * gamma * np.asarray(phi) * float(p)  # Euler's step of (22)
+    free = hat - PERIOD * gamma * np.asarray(phi) * float(p)  # Euler step of (22)
     adapted = np.asarray(adapted)
     inside = (system.lower <= free) & (free <= system.upper)
     assert np.all((system.lower <= adapted) & (adapted <= system.upper))
@@ -239,7 +247,7 @@ def test_gains_must_be_positive():
 
 
 def test_a_delayed_law_commands_what_the_law_commanded_then():
-    """Of a given series: its first entry until the first command acts, then all of them in turn."""
+    """A delay of 2 repeats the first command twice, and then gives the series two samples late."""
     series = jnp.array([0.3, -0.1, 0.4, 0.1, -0.5, 0.9])
     law = Delayed(OpenLoop(series), 2)
     at_rest = Measurement(jnp.zeros(()), jnp.zeros(()))

@@ -1,4 +1,4 @@
-"""The examples in the docstrings of the main names, run in the order of a user's work."""
+"""Docstrings of the public names: their examples run, and every name has a description."""
 
 import doctest
 
@@ -29,7 +29,7 @@ def test_the_examples_of_the_main_names_run(capsys):
 
 @pytest.mark.parametrize("name", jd.__all__)
 def test_every_public_name_says_what_it_is(name):
-    """A docstring of at least a sentence; the groups of the package name it once."""
+    """The first line has at least three words, and the docstring of the package lists the name."""
     own = getattr(jd, name)
     first = (own.__doc__ or "").strip().partition("\n")[0]
     assert len(first.split()) >= 3, f"{name}: {first!r}"

@@ -1,4 +1,4 @@
-"""The record of a real axis, where it is at hand: JAXID_EMPS names the file."""
+"""The record of a real axis (EMPS), if JAXID_EMPS names its file, and the committed tables."""
 
 import os
 from pathlib import Path
@@ -40,7 +40,7 @@ def test_the_recipe_of_the_benchmark_finds_what_it_publishes(recorded):
 
 @at_hand
 def test_the_intervals_in_the_table_are_those_of_the_record(recorded, table):
-    """Of one lap by either model, with the δ that the table names."""
+    """The intervals from lap 3 are recomputed with both models and the δ of the table."""
     log = emps.laps_of(recorded, emps.LAP)[2]
     for model, axis in (
         ("one friction", emps.system),
@@ -55,7 +55,10 @@ def test_the_intervals_in_the_table_are_those_of_the_record(recorded, table):
 
 @at_hand
 def test_a_smaller_disturbance_than_the_data_need_is_refused(recorded):
-    """The smallest δ of the first lap is between 5 and 12 N; a lap is not explained with 5 N."""
+    """Lap 1 needs a δ between 5 and 12 N.
+
+    With friction by direction it needs at least 10 % less.
+    """
     log = emps.laps_of(recorded, emps.LAP)[0]
     factor = smallest_disturbance_factor(emps.system(5.0), [log])
     assert 1.0 < factor < 12.0 / 5.0
@@ -75,7 +78,10 @@ def test_the_program_runs(tmp_path):
 
 
 def test_laps_have_intervals_in_common_and_the_published_values_in_them(table):
-    """What the committed table says; and that all laps together say no less than each."""
+    """In the committed table the intervals of all laps overlap and contain the published values.
+
+    The intervals from all laps together are inside those of every lap.
+    """
     for model in ("one friction", "friction by direction"):
         own = [row for row in table if row["model"] == model]
         for name in {row["parameter"] for row in own}:
@@ -104,7 +110,7 @@ def test_the_designed_motion_keeps_its_limits_and_is_worth_what_is_said(figures,
     worth = evaluate(axis, motion, Servo(emps.PERIOD, emps.RESOLUTION), lower_bound(axis, limits))
     for name, guaranteed, gap in zip(axis.names, worth.predicted, worth.gap, strict=True):
         assert said["designed", name] == pytest.approx(float(guaranteed), rel=1e-6)
-        # of the offset neither is 1e-4 above the floor
+        # for the offset both motions are within 1e-4 of the lower bound
         assert said["designed", name] < said["lap 1 of the record", name] * (1 + 1e-5)
         assert 0 <= gap < 0.03
     assert said["designed", "M"] < 0.8 * said["lap 1 of the record", "M"]

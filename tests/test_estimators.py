@@ -1,4 +1,4 @@
-"""The family: what each member guarantees, none below the floor, all of them within the box."""
+"""All estimators: their guarantees hold, are above the lower bound and never exceed the box."""
 
 import equinox as eqx
 import jax
@@ -102,7 +102,7 @@ def middle(result):
 
 
 def before_the_data(result):
-    """The largest half-width that any data can leave."""
+    """Return the largest half-width of the interval for any data."""
     return jnp.minimum(result.bound, (result.prior_upper - result.prior_lower) / 2)
 
 
@@ -129,7 +129,10 @@ def test_functionals_have_weights_of_their_own(estimator):
 
 @members
 def test_no_truth_is_outside_and_the_worst_one_is_at_the_end(estimator):
-    """Including biased weights: a box so small that minimax gives up some of the data."""
+    """No interval misses the true parameters, and the worst case attains the bound.
+
+    This includes biased weights, because the prior box is small.
+    """
     rng = np.random.default_rng(3)
     rows = random_rows(rng)
     weights = estimator(rows, BOX)
@@ -160,7 +163,7 @@ def test_minimax_uses_the_box_where_it_is_small():
 
 @members
 def test_the_guarantee_before_the_data_is_that_of_the_emptiest_data(estimator):
-    """θ at the centre and Δ = 0: the interval is as long as it can be."""
+    """With θ at the centre and Δ = 0 the interval has its largest length."""
     rows = random_rows(np.random.default_rng(4))
     record = record_of(rows, SYSTEM.centre, jnp.zeros(40))
     result = estimate(record, SYSTEM, estimator(rows, BOX))
@@ -174,7 +177,7 @@ def test_the_guarantee_before_the_data_is_that_of_the_emptiest_data(estimator):
 def test_an_estimate_clipped_into_the_box_guarantees_less_than_the_middle_of_its_interval():
     lower, upper, bound = jnp.array([-1.0]), jnp.array([1.0]), jnp.array([3.0])
     truth = upper
-    result = Estimate(truth - bound, bound, lower, upper)  # within its bound
+    result = Estimate(truth - bound, bound, lower, upper)  # the error is equal to the bound
     assert np.abs(np.clip(result.theta, lower, upper) - truth) == 2.0
     assert np.abs(middle(result) - truth) <= before_the_data(result) == 1.0
 
@@ -182,7 +185,7 @@ def test_an_estimate_clipped_into_the_box_guarantees_less_than_the_middle_of_its
 @pytest.mark.parametrize("inner", [LeastSquares(), LeastSquares(2), Minimax()])
 @pytest.mark.parametrize("bandwidth", [30.0, 1000.0])
 def test_the_exact_error_of_filtered_data_is_below_that_of_the_paper(inner, bandwidth):
-    """And attained: (29) is wide, the sum over the unfiltered Δ is not."""
+    """The sum over the unfiltered Δ is smaller than (29), and the worst case attains it."""
     rng = np.random.default_rng(6)
     rows = random_rows(rng)
     record = record_of(rows, SYSTEM.upper, rows.delta * rng.uniform(-1, 1, 40))

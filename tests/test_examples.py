@@ -1,4 +1,4 @@
-"""The example axes: what is printed of them, their limits, and that their Δ is within δ."""
+"""The example axes: printed results, limits, and true disturbances within δ."""
 
 import shutil
 from pathlib import Path
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("quick_compilation")
 
 
 def redrawn(program, name: str, figures: Path, folder: Path) -> tuple[list, list]:
-    """The committed table, and the one that the program makes of the committed motions."""
+    """Return the committed table and the table recomputed from the committed motions."""
     for path in figures.glob(f"{name}_*.csv"):
         shutil.copy(path, folder)
     program.main(Example(folder, redraw=True))
@@ -37,7 +37,7 @@ def agree(printed: list, again: list, columns: tuple[str, ...]) -> None:
             assert float(row[column]) == pytest.approx(float(other[column]), rel=1e-4)
         length = float(row["upper"]) - float(row["lower"])
         for end in ("lower", "upper"):
-            # another processor may read another count here and there
+            # on another processor some encoder readings may differ by one count
             assert float(row[end]) == pytest.approx(float(other[end]), abs=0.01 * length)
         assert float(row["lower"]) <= float(row["theta_true"]) <= float(row["upper"])
         gap = float(row["predicted"]) / float(row["lower_bound"]) - 1
@@ -66,10 +66,10 @@ def test_a_price_on_heat_buys_a_cool_motor_with_a_little_error(figures):
     )
     assert error[0] < error[1] < 1.2 * error[0]
     assert heat[1] < 1 < heat[0]
-    # the motion for all parameters has the smallest largest error over the floor
+    # the motion for all parameters has the smallest maximum optimality gap
     worst = {name: max(columns_of(rows, "gap", motion=name)) for name in ("all", "J", "cool")}
     assert min(worst, key=worst.get) == "all"
-    # what was asked for: either motion is the better one by its own objective
+    # each motion is the better one by its own objective
     paths = [figures / f"pendulum_{name}.csv" for name in ("J", "cool")]
     motions = [read_trajectory(path, "rotary") for path in paths]
     for price, k in ((0.0, 0), (pendulum.PRICE, 1)):
@@ -99,12 +99,12 @@ def test_known_cogging_makes_delta_and_all_intervals_smaller(figures, tmp_path):
             assert float(other["predicted"]) < 0.3 * float(row["predicted"])
             lengths = [float(r["upper"]) - float(r["lower"]) for r in (row, other)]
             assert lengths[1] < lengths[0] / 2
-    # either δ explains the logs, and what the cogging leaves of δ does not if it is not known
+    # each δ explains the logs; without cogging in the model, the smaller δ does not
     for row, other in zip(printed, again, strict=True):
         assert float(row["smallest_delta_N"]) < float(row["delta_N"])
         if row["model"] == cart.IN_DELTA:
             assert float(row["smallest_delta_N"]) > cart.REST
-        # to 0.1 %, as it is searched for
+        # the search for the smallest δ ends at a relative difference of 0.1 %
         same = pytest.approx(float(other["smallest_delta_N"]), rel=0.01)
         assert float(row["smallest_delta_N"]) == same
 
@@ -120,13 +120,13 @@ def test_cogging_that_is_left_out_is_contradicted(figures):
 
 @given(position=st.floats(-10.0, 10.0), velocity=st.floats(-10.0, 10.0))
 def test_the_true_disturbances_are_within_delta(position, velocity):
-    """Before the plant clips them, wherever the axis is and however fast."""
+    """|Δ| ≤ δ at every position and velocity, before the plant clips Δ."""
     y, v = jnp.asarray(position), jnp.asarray(velocity)
     moment = Moment(jnp.zeros((), int), *jnp.zeros((3,)))
     for plant in (pendulum.plant(), cart.plant()):
         delta = plant.system.disturbance_bound(y, v)
         assert jnp.abs(plant.disturbance(moment, y, v, delta)) <= delta
-    # what is cogging to the one model is Δ to the other
+    # cogging that one model contains is part of Δ in the other one
     forces = plant.system.regressor_values(y, v)[cart.SHARED - 1 :]
     cogging = sum(f * t for f, t in zip(forces, cart.TRUE_PARAMETERS[cart.SHARED :], strict=True))
     total = cogging + plant.disturbance(moment, y, v, delta)

@@ -1,4 +1,4 @@
-"""A folder is the old one or the new one, whoever writes, is killed or fails when."""
+"""A result folder is the old or the new one: if writers are killed, fail or run in parallel."""
 
 import hashlib
 import json
@@ -18,13 +18,13 @@ VERSIONS = [{name: data.decode() for name, data in files.items()} for files in (
 
 
 def printed(what, folder):
-    """By the program that forks and kills."""
+    """Run `tests.writers`, which forks and kills processes, and return what it printed."""
     (text,) = finish(start("-m", "tests.writers", what, folder))
     return [json.loads(line) for line in text.splitlines()]
 
 
 def is_whole(files):
-    """The files of one result, all of its manifest, by a second truth."""
+    """Return whether the files are those of one result; their digests are recomputed here."""
     manifest = json.loads(files["manifest.json"])
     for part in manifest["parts"].values():
         for name, digest in part["files"].items():
@@ -45,10 +45,10 @@ def test_a_writer_that_is_killed_leaves_the_old_or_the_new_one(tmp_path):
         assert without(one["left"], (*NAMES, "manifest.json")) == MINE
         assert one["read"] in VERSIONS
         seen.append(VERSIONS.index(one["read"]))
-        # whoever writes next tidies up
+        # the next writer removes what was left
         assert {path.split("/")[0] for path in one["next"]} == {"slide"}
         assert is_whole({path.removeprefix("slide/"): x for path, x in one["next"].items()})
-    assert seen == sorted(seen)  # at one moment, and not back
+    assert seen == sorted(seen)  # it changes from old to new once
     assert set(seen) == {0, 1}
 
 
@@ -110,7 +110,10 @@ FAILING = ("rename", "replace", "link", "mkdir", "fsync", "unlink", "rmdir", "ch
 @pytest.mark.parametrize("name", FAILING)
 @pytest.mark.parametrize("can_exchange", [True, False])
 def test_what_fails_is_told_and_mixes_nothing(tmp_path, monkeypatch, name, can_exchange):
-    """Of each call of the system, each time that it is called."""
+    """Every call of each system function fails in turn.
+
+    The folder stays one whole result, and the error is raised unless the new result is complete.
+    """
     folder, working = tmp_path / "slide", getattr(os, name)
     if not can_exchange:
         monkeypatch.setattr(exchange, "_exchanged", lambda one, other: False)
@@ -145,7 +148,7 @@ def test_what_fails_is_told_and_mixes_nothing(tmp_path, monkeypatch, name, can_e
 
 
 def test_what_a_user_does_while_it_is_replaced_is_kept(tmp_path, monkeypatch):
-    """Just before the folders change places, when all was carried over."""
+    """Files that a user adds or edits just before the folders are exchanged are kept."""
     folder, swap = tmp_path / "slide", exchange._swap
 
     def quick(new, there, old):
@@ -154,7 +157,7 @@ def test_what_a_user_does_while_it_is_replaced_is_kept(tmp_path, monkeypatch):
         (folder / "films").mkdir()
         (folder / "films" / "one.mp4").write_text("a film")
         (folder / "edited").write_text("edited")
-        os.replace(folder / "edited", folder / "notes.txt")  # as editors save
+        os.replace(folder / "edited", folder / "notes.txt")  # as editors save files
         swap(new, there, old)
 
     begun(folder)
@@ -171,7 +174,11 @@ def test_what_a_user_does_while_it_is_replaced_is_kept(tmp_path, monkeypatch):
 
 
 def test_what_a_killed_run_left_replaces_nothing_that_is_newer(tmp_path):
-    """The folder that it replaced is beside the new one, in which a user has gone on since."""
+    """A killed run left a replaced folder beside the new one.
+
+    Files that the new folder lacks are moved to it; files that the user has changed there since are
+    kept.
+    """
     folder, old = tmp_path / "slide", tmp_path / "copy"
     begun(folder)
     write_result(folder, "simulate", PART, {"simulation.json": b"{}"})
@@ -192,7 +199,7 @@ def test_what_a_killed_run_left_replaces_nothing_that_is_newer(tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs the names of open files")
 def test_all_is_on_the_disk_before_it_counts(tmp_path, monkeypatch):
-    """Files, and the folders that name them; then the exchange; then what names the folder."""
+    """The order of `fsync` is: files, folders that contain them, exchange, parent folder."""
     folder, swap, sync, done = tmp_path / "slide", exchange._swap, os.fsync, []
 
     def synced(descriptor):
@@ -241,7 +248,7 @@ def test_who_writes_waits_for_who_writes_above_or_below(tmp_path, monkeypatch):
         waiting.start()
         waiting.join(0.1)
         assert waiting.is_alive()
-        # another folder comes to the place of the one that is waited for
+        # another folder takes the place of the locked one
         shutil.copytree(tmp_path / "choice", tmp_path / "other")
         (tmp_path / "choice").rename(tmp_path / "away")
         (tmp_path / "other").rename(tmp_path / "choice")
@@ -258,4 +265,5 @@ def test_where_nothing_is_locked_what_is_left_is_named(tmp_path, monkeypatch):
     with pytest.raises(FileNotFoundError, match=r"slide is missing, .* rename .*slide.jaxid-old-0"):
         read_result(folder, "design")
     write_result(folder, "design", PART, NEW)
-    assert (tmp_path / ".slide.jaxid-old-0").exists()  # it may be somebody's who is writing
+    # it may belong to a process that is still writing
+    assert (tmp_path / ".slide.jaxid-old-0").exists()

@@ -39,7 +39,7 @@ def test_horizon_20_is_proved_infeasible_and_22_is_the_shortest():
 
 
 def test_a_length_without_any_room_is_not_the_shortest():
-    """With half of the motor's limits 44 intervals reach 0.35 m exactly, and leave nothing."""
+    """With half of the limits of the motor, 44 intervals reach 0.35 m only with zero margin."""
     full = motor.limits()
     half = Limits(
         full.position, full.velocity / 2, full.acceleration / 2, full.jerk / 2, full.input
@@ -82,13 +82,13 @@ def test_no_length_up_to_the_longest_that_is_tried_is_said_so():
     ],
 )
 def test_a_boundary_outside_the_limits_is_refused_at_once(start, vias, sentence):
-    """Not after a linear program for each of 2000 lengths."""
+    """The error is raised before linear programs for 2000 lengths are solved."""
     with pytest.raises(ValueError, match=sentence):
         interior(motor.limits(), Boundary(start, vias), 20, T)
 
 
 def test_the_largest_reach_at_horizon_20_agrees_with_another_program():
-    """0.261 m instead of 0.3 m: the same conclusion from an LP of its own, at the knots."""
+    """A separate linear program with limits at the knots reaches 0.261 m instead of 0.3 m."""
     from scipy.optimize import linprog
 
     n = 40
@@ -108,7 +108,7 @@ def test_the_interior_motion_is_strictly_inside_and_meets_the_ends(axis, interva
 
 
 def ends_missed(axis, trajectory) -> float:
-    """Largest violation of the equalities, in half-widths of the limits."""
+    """Return the largest violation of the equality conditions, in half-widths of the limits."""
     scale = (axis.limits().motion[:, 1] - axis.limits().motion[:, 0]) / 2
     worst = 0.0
     for via in axis.boundary().vias:
@@ -137,7 +137,7 @@ def test_walking_back_always_ends_inside_all_limits(seed, size):
     found = restored(planned(limits, boundary), inside, space.trajectory(z))
     assert worst_violation(limits, boundary, found) <= 0
     assert ends_missed(motor, found) < 1e-11
-    # and it goes as far as it can: a little farther is outside
+    # it stops at the limits: the largest violation is nearly zero
     if worst_violation(limits, boundary, space.trajectory(z)) > 1e-6:
         assert worst_violation(limits, boundary, found) > -1e-9
 
@@ -150,7 +150,7 @@ def test_an_admissible_candidate_is_left_alone():
 
 
 def test_every_committed_motion_keeps_every_limit_from_its_jerk_column_alone(figures):
-    """Re-integrated here with NumPy, extrema between the knots from the roots of polynomials."""
+    """The jerk is integrated with NumPy; extrema between the knots are roots of polynomials."""
     limits = [(-0.01, 0.4), (-2.0, 2.0), (-400 / 9, 400 / 9)]
     paths = sorted(figures.glob("trajectory_*.csv"))
     assert len(paths) >= 14

@@ -1,4 +1,4 @@
-"""What data leave possible: it holds the truth, no estimator knows more, and lies are found out."""
+"""The feasible parameter set: it contains the true θ, is inside all estimates, and refutes δ."""
 
 import re
 
@@ -32,10 +32,11 @@ SYSTEM = motor.system()
 
 @jax.jit
 def data_set(key):
-    """Rows of all sizes and shapes, and a truth that left them."""
+    """Return the true parameters, random rows of different scale, and all estimates from them."""
     keys = jax.random.split(key, 4)
     columns = jax.random.normal(keys[0], (4, 20)) / SYSTEM.half_widths[:, None]
-    columns = columns * jnp.array([1.0, 1.0, 0.2, 0.02])[:, None]  # some hardly seen
+    # two parameters are hardly excited
+    columns = columns * jnp.array([1.0, 1.0, 0.2, 0.02])[:, None]
     delta = jnp.exp(jax.random.normal(keys[1], (20,)))
     theta = SYSTEM.lower + jax.random.uniform(keys[2], (4,)) * (SYSTEM.upper - SYSTEM.lower)
     disturbance = delta * jax.random.uniform(keys[3], (20,), minval=-1.0)
@@ -52,7 +53,7 @@ def data_set(key):
 
 
 def ends(record):
-    """By HiGHS from the definition: min and max θ_i with |u − Φθ| ≤ δ in the box."""
+    """Yield min θ_i and −max θ_i with |u − Φθ| ≤ δ in the box, by HiGHS."""
     phi, u = np.asarray(record.rows.regressors), np.asarray(record.input)
     delta = np.asarray(record.rows.delta)
     box = np.stack([SYSTEM.lower, SYSTEM.upper], axis=1)
@@ -69,7 +70,10 @@ def ends(record):
 
 @pytest.mark.parametrize("part", range(4))
 def test_it_holds_the_truth_and_no_estimator_knows_more(part):
-    """1,000 random data sets; its ends are those of its definition, to the tolerance of HiGHS."""
+    """For 1,000 random data sets the ends agree with linear programs from the definition.
+
+    The set contains the true parameters and lies inside the intervals of all estimators.
+    """
     size = np.asarray(SYSTEM.half_widths)
     for k, one in enumerate(jax.random.split(jax.random.key(part), 250)):
         theta, record, estimates = data_set(one)
@@ -90,14 +94,14 @@ def test_it_holds_the_truth_and_no_estimator_knows_more(part):
 
 
 def test_data_that_contradict_delta_are_found_out(key):
-    """The smallest factor is the one that a linear program of its definition asks for."""
+    """The smallest factor of δ agrees with a linear program from its definition."""
     _, record, _ = data_set(key)
     wrong = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(300.0))
     with pytest.raises(
         InconsistentLogError, match=r"No parameter vector of the prior box explains the data"
     ) as refused:
         feasible_set(exact_rows(SYSTEM, wrong))
-    # of a box that rests on δ no larger δ can be told
+    # the box depends on δ here, so that the message must not state a larger δ
     assert not re.search(r"\d", str(refused.value))
     factor = smallest_factor(lambda s: exact_rows(SYSTEM, times(wrong, s)))
     phi, u = np.asarray(record.rows.regressors), np.asarray(wrong.input)
@@ -109,12 +113,12 @@ def test_data_that_contradict_delta_are_found_out(key):
         bounds=[*np.stack([SYSTEM.lower, SYSTEM.upper], axis=1), (0, None)],
         method="highs",
     )
-    # proved: not above it, and at most a thousandth below
+    # a proved lower bound: not above the exact factor, and at most 0.11 % below it
     assert solution.fun / 1.0011 <= factor <= solution.fun * (1 + 1e-7)
     feasible_set(exact_rows(SYSTEM, times(wrong, 1.0021 * factor)))
     with pytest.raises(ValueError, match="No parameter vector of the prior box"):
         feasible_set(exact_rows(SYSTEM, times(wrong, 0.998 * factor)))
-    # with a δ that is just large enough nothing is contradicted
+    # with a δ that is just large enough the data are consistent
     enough = times(wrong, 1.0001 * solution.fun)
     feasible_set(exact_rows(SYSTEM, enough))
     assert smallest_factor(lambda s: exact_rows(SYSTEM, times(enough, s))) <= 1.0
@@ -123,7 +127,10 @@ def test_data_that_contradict_delta_are_found_out(key):
 
 
 def test_a_factor_beside_errors_that_it_does_not_multiply_is_no_larger_than_proved(key):
-    """As δ of a row beside what its brackets add: the least factor by a linear program."""
+    """The factor multiplies only a part of the bound of each row.
+
+    It agrees with a linear program.
+    """
     delta, added = np.linspace(0.5, 1.5, 20), np.linspace(15.0, 5.0, 20)
     for one in jax.random.split(key, 5):
         _, record, _ = data_set(one)
@@ -151,7 +158,7 @@ def times(record, factor):
 
 
 def test_what_the_data_cannot_tell_apart_is_named():
-    """A constant acceleration looks like an offset, and at rest nobody sees a viscous friction."""
+    """At constant acceleration inertia and offset are one force; at rest damping has no effect."""
     n = 20
     speed = jnp.zeros(n).at[0].set(1.0)
     columns = (jnp.full(n, 2.0), 0.0 * speed, speed, jnp.ones(n))
@@ -173,7 +180,7 @@ def test_what_the_data_cannot_tell_apart_is_named():
 
 @pytest.fixture(scope="module")
 def experiment(motion):
-    """A log, and the share of δ that disturbed it at most."""
+    """Return a log, and the largest |Δ|/δ that acted in it."""
     record, _, log = run(motor.plant(), motor.controller(), Servo(H, Q), motion)
     share = float(jnp.max(jnp.abs(record.disturbance) / record.rows.delta))
     return log, share
@@ -205,7 +212,7 @@ def test_a_log_leaves_less_than_any_estimate_of_it(experiment):
         system = SYSTEM.with_scaled_disturbance(factor)
         return hats(system, log, state_bounds(system, log))
 
-    # the true plant disturbed itself by no more than this share
+    # the disturbance of the simulated plant is no larger than this share of δ
     assert smallest_factor(louder_rows, knots=75) <= share
 
 
@@ -219,7 +226,7 @@ def test_an_input_that_hides_a_force_is_falsified(motion):
 
 
 def test_a_solver_that_gives_up_leaves_the_box(experiment, monkeypatch):
-    """No interval and no contradiction rests on a program that was not solved."""
+    """If the linear program is not solved, the result is the prior box and no inconsistency."""
     from jaxid.identification import modulating_functions as modulating
 
     log, _ = experiment

@@ -11,11 +11,11 @@ BANDWIDTHS = [30.0, 1000.0, 5000.0]
 
 @pytest.mark.parametrize("w", BANDWIDTHS)
 def test_low_pass_is_the_held_filter_of_scipy(w):
-    """w/(s + w), discretised by SciPy for a held input."""
+    """The filter w/(s + w) is discretised by SciPy with a zero-order hold."""
     rng = np.random.default_rng(0)
     x = rng.normal(size=400)
     numerator, denominator, _ = signal.cont2discrete(([w], [1.0, w]), PERIOD, method="zoh")
-    # SciPy's output at tick k has seen the inputs before k; ours at the end of tick k
+    # SciPy's output at sample k depends on inputs before k, `low_pass` gives it after input k
     expected = signal.lfilter(numerator.ravel(), denominator, np.append(x, 0.0))[1:]
     np.testing.assert_allclose(low_pass(jnp.asarray(x), w, PERIOD), expected, atol=1e-12)
 

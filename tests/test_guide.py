@@ -1,4 +1,4 @@
-"""The guide: its pages are short and linked, and what they tell to type works as printed."""
+"""The guide: its pages are short and linked, and its commands print what the pages show."""
 
 import re
 import shlex
@@ -55,13 +55,16 @@ def test_the_python_of_the_page_about_extensions_runs(capsys):
 
 
 def rows(text):
-    """The numbers of each row of a table of parameters, by the name of the parameter."""
+    """Return the numbers in each row of a table of parameters, by name of the parameter."""
     found = re.findall(r"^ +(M|B|Fc|dbar) +V\S*(?: s\S*)? +(.*)$", text, re.M)
     return {name: [float(x.strip("%")) for x in re.findall(r"-?[\d.]+%?", r)] for name, r in found}
 
 
 def test_the_tutorial_works_as_printed(tmp_path, monkeypatch, capsys):
-    """A search may end a little differently on another processor, and then so does the run."""
+    """Tables that depend on a search are compared with a tolerance.
+
+    A search may end differently on another processor.
+    """
     monkeypatch.chdir(tmp_path)
     page = guide_page("tutorial")
     parts = re.split(r"^```sh\n", page, flags=re.M)[1:]
@@ -83,13 +86,13 @@ def test_the_tutorial_works_as_printed(tmp_path, monkeypatch, capsys):
             for name, numbers in expected.items():
                 tolerance = {"rtol": 2e-3} if exact else {"rtol": 0.3, "atol": 0.2}
                 np.testing.assert_allclose(found[name], numbers, **tolerance, err_msg=command)
-    # the README shows the same, with the same assumptions
+    # the README shows the same table and assumptions
     readme = blocks((ROOT / "README.md").read_text(), "text")[0]
     assert readme.partition("hold provided that:")[2].strip() in said
     assert rows(readme) == rows(shown[0])
     shown_factor, factor = (re.search(r"at least (\S+)·δ", x) for x in (readme, said))
     assert float(factor[1]) == pytest.approx(float(shown_factor[1]), rel=0.3)
-    # the true values of the simulated plant are in the intervals
+    # the intervals contain the true parameters of the simulated plant
     truth = dict(re.findall(r"(M|B|Fc|dbar) (0\.\d+)[,.]", page))
     assert len(truth) == 4
     for name, (*_, low, high) in rows(said).items():

@@ -1,4 +1,4 @@
-"""The one way from logs to intervals: truths inside, what contradicts δ refused, in any batches."""
+"""`identify` with batches of any size: coverage, and refusal of inconsistent logs."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +24,7 @@ PERIOD = motor.CONTROL_PERIOD
 
 @pytest.fixture(scope="module")
 def parts(figures):
-    """Four logs of 749 ticks, cut from one of the motor."""
+    """Return four logs of 749 samples each, cut from one log of the motor."""
     motion = read_trajectory(figures / "trajectory_minimax.csv")
     whole = run(motor.plant(), motor.controller(), motor.servo(), motion).log
     return [cut(whole, first, 749) for first in range(0, 2996, 749)]
@@ -35,12 +35,12 @@ def cut(log, first, ticks):
     return Log(input, position, log.period, log.resolution)
 
 
-# batches and weights a fifth and a third of the usual
+# smaller batches and fewer weights than the defaults
 SMALL = BatchSizes(samples=1500, knots=300, knots_together=900)
 
 
 def proved(system, logs, sizes=SMALL):
-    """Either the intervals or the refusal."""
+    """Return the intervals and None, or None and the inconsistency."""
     try:
         return identify(system, logs, sizes=sizes), None
     except InconsistentLogError as error:
@@ -48,7 +48,7 @@ def proved(system, logs, sizes=SMALL):
 
 
 def slide():
-    """The example of the README."""
+    """Return the example of the README."""
     return jd.System(
         terms=(
             jd.Term("m", "kg", (5.0, 9.0)),
@@ -61,7 +61,7 @@ def slide():
 
 
 def slide_log(theta=(7.0, 20.0, 15.0)):
-    """1,200 ticks there and back, disturbed by 3 N that change their sign four times."""
+    """Return 1,200 samples of a motion there and back; Δ is ±3 N and changes sign four times."""
     jerk = jnp.array([20.0, -20.0, 0.0, -20.0, 20.0, -20.0, 20.0, 0.0, 20.0, -20.0, 0.0, 0.0])
     motion = uniform(jnp.array([0.1, 0.0, 0.0]), jerk, 0.1)
     n, h = 1200, 0.001
@@ -74,7 +74,7 @@ def slide_log(theta=(7.0, 20.0, 15.0)):
 
 @pytest.mark.parametrize("factor", [0.3, 0.2, 0.1])
 def test_data_that_contradict_the_bound_are_refused(factor):
-    """The same log with δ as it is, and with a δ that it is proved to exceed."""
+    """The log gives intervals with its δ, and is refused with a δ below the proved minimum."""
     system, log = slide(), slide_log()
     found = jd.identify(system, log)
     for theta, low, high in zip((7.0, 20.0, 15.0), found.lower, found.upper, strict=True):
@@ -82,14 +82,17 @@ def test_data_that_contradict_the_bound_are_refused(factor):
     assert 0.3 < found.disturbance_factor <= 0.5
     with pytest.raises(jd.InconsistentLogError, match="unless the disturbance bound is") as refused:
         jd.identify(system.with_scaled_disturbance(factor), log)
-    # the same multiple of the same δ, whatever it is called
+    # both report the same smallest δ
     assert refused.value.factor == pytest.approx(found.disturbance_factor / factor, rel=2e-3)
     assert refused.value.factor > 1
 
 
 @pytest.mark.parametrize("scale", [0.55, 0.3, 0.05])
 def test_a_refusal_by_the_narrowed_box_has_a_number(monkeypatch, scale):
-    """It finds what the test of δ is here made to miss, and the number is still proved."""
+    """The test of δ is disabled here, and the narrowed box refuses the log.
+
+    The reported factor of δ is a proved lower bound on the simulated disturbance.
+    """
     log = random_slide_log(0, 0.6, substeps=20)
     system = slide().with_scaled_disturbance(scale)
     monkeypatch.setattr(door, "smallest_disturbance_factor", lambda *arguments: LEAST)
@@ -119,7 +122,10 @@ def test_a_long_log_is_cut_into_equal_parts_that_lose_nothing(parts):
 
 
 def test_padding_is_cut_off_where_a_log_is(parts):
-    """Padding that counted as samples would be an axis at rest that moves."""
+    """Batches of a padded log equal those of the log itself.
+
+    Padding that counted as samples would pretend that the axis rests.
+    """
     log = parts[0]
     few = SMALL._replace(samples=400)
     for size in (800, 1024, 3000):
@@ -142,7 +148,7 @@ def test_batches_prove_what_the_whole_does(parts):
     for lower, upper in ((estimate.lower, estimate.upper), (found.lower, found.upper)):
         assert np.all((lower <= TRUTH) & (upper >= TRUTH))
     assert np.all((found.lower >= estimate.lower) & (found.upper <= estimate.upper))
-    # no wider than either half alone
+    # no interval is wider than that of either half alone
     one_batch = SMALL._replace(samples=10_000)
     for half in (parts[:2], parts[2:]):
         alone = identify(motor.system(), half, sizes=one_batch)
@@ -151,7 +157,7 @@ def test_batches_prove_what_the_whole_does(parts):
     assert whole.batches == 1
     widths = (found.upper - found.lower) / (whole.upper - whole.lower)
     assert np.all(widths < 1.01), widths
-    # without processing both together too, what only both identify is wider
+    # if the batches are not processed together, some intervals are wider
     apart = identify(motor.system(), parts, sizes=SMALL._replace(together=2000))
     assert np.all((apart.lower <= TRUTH) & (apart.upper >= TRUTH))
     widths = (apart.upper - apart.lower) / (whole.upper - whole.lower)
@@ -160,7 +166,10 @@ def test_batches_prove_what_the_whole_does(parts):
 
 
 def test_one_bad_batch_contradicts_the_axis(parts):
-    """0.6 V more for a while, which no δ of 0.25 V explains; the factor is that of this batch."""
+    """An additional 0.6 V in one batch is more than δ ≤ 0.25 V explains.
+
+    The factor is that of this batch.
+    """
     first, second, third, last = parts
     pushed = Log(third.input.at[300:600].add(0.6), third.position, PERIOD, third.resolution)
     _, error = proved(motor.system(), [first, second, pushed, last])
@@ -171,7 +180,7 @@ def test_one_bad_batch_contradicts_the_axis(parts):
 
 
 def test_batches_that_contradict_one_another(parts):
-    """Each log alone has a plant of the box, but the second one another mass."""
+    """Logs of two axes with different parameters: each is consistent alone, both are not."""
     system, heavy = motor.system(), 1.45
 
     def scaled(log, factor):
@@ -180,10 +189,10 @@ def test_batches_that_contradict_one_another(parts):
     other = [scaled(log, heavy) for log in parts[:2]]
     assert proved(system, other)[0] is not None
     _, error = proved(system, [*parts[:2], *other])
-    # what both together would take, though neither by itself takes more than δ
+    # the factor of δ that both need together, although each alone needs no more than δ
     assert error.factor > 1.0
     assert "unless the disturbance bound is at least" in str(error)
-    # of a log that is too long to be processed together, no more than that is said
+    # batches too long to be processed together: the message may have no factor
     small = SMALL._replace(samples=800, together=1500)
     _, apart = proved(system, [parts[1], parts[0], *other], small)
     assert apart.factor is None or apart.factor <= error.factor * 1.001
@@ -191,7 +200,7 @@ def test_batches_that_contradict_one_another(parts):
 
 
 def test_a_parameter_that_one_batch_identifies_is_identifiable(parts):
-    """A batch at one speed does not identify M; another one does."""
+    """A batch at constant speed does not identify M, but another batch does."""
     n, speed = 1200, 0.5
     u = jnp.full(n, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
     y = jnp.round((0.1 + speed * PERIOD * jnp.arange(n + 1)) / 1e-6) * 1e-6
@@ -203,14 +212,14 @@ def test_a_parameter_that_one_batch_identifies_is_identifiable(parts):
 
 
 def at_speed(speed):
-    """400 ticks of the motor without acceleration."""
+    """Return 400 samples of the motor at a constant speed."""
     u = jnp.full(400, TRUTH[1] * speed + TRUTH[2] + TRUTH[3])
     y = jnp.round(speed * PERIOD * jnp.arange(401) / 1e-6) * 1e-6
     return Log(u, y, PERIOD, 1e-6)
 
 
 def test_what_only_two_batches_identify_together_is_identifiable():
-    """Two speeds separate friction from damping; one of them alone does not."""
+    """Two speeds together separate friction from damping; one of them alone does not."""
     sizes = SMALL._replace(samples=500)
     small = motor.system().with_disturbance_bound(ConstantBound(0.02))
     slow, fast = at_speed(0.2), at_speed(1.5)
@@ -220,7 +229,7 @@ def test_what_only_two_batches_identify_together_is_identifiable():
     assert found.batches == 2
     assert "B" not in found.unidentifiable
     assert "M" in found.unidentifiable
-    # also of logs that are too long to be processed together, by the most informative batches
+    # the same for batches too long to be processed together, by the most informative ones
     sizes = sizes._replace(together=900)
     longer = [at_speed(v) for v in (0.2, 0.21, 0.2, 1.5, 0.2, 1.4)]
     chosen = most_informative(small, [[log] for log in longer], sizes)
@@ -232,7 +241,7 @@ def test_what_only_two_batches_identify_together_is_identifiable():
 
 
 def test_short_logs_take_no_weights_from_a_long_one(parts):
-    """A log of 749 ticks beside 60 of 10: its intervals are as narrow as without them."""
+    """60 logs of 10 samples do not widen the intervals from a log of 749 samples."""
     sizes = SMALL._replace(knots=150)
     long, short = parts[0], [cut(parts[1], 10 * k, 10) for k in range(60)]
     alone = identify(motor.system(), long, sizes=sizes)
@@ -247,7 +256,7 @@ def test_short_logs_take_no_weights_from_a_long_one(parts):
 
 
 def test_what_no_disturbance_explains_is_a_contradiction(parts):
-    """An input of the wrong sign and unit."""
+    """An input of wrong sign and unit is inconsistent for every tested δ."""
     first = parts[0]
     wrong = Log(-1e4 * first.input, first.position, PERIOD, first.resolution)
     for logs in ([wrong], [*parts[:2], wrong]):
@@ -265,7 +274,7 @@ def test_no_logs_and_single_precision_are_refused(parts):
 
 
 def random_slide_log(seed, share=0.0, substeps=1):
-    """600 ticks of random jerks with a closed loop, disturbed by ±share·δ, which changes often."""
+    """Return 600 samples of a closed loop with random jerks and Δ = ±share·δ of random sign."""
     jerk = np.random.default_rng(seed).choice([-200.0, 200.0], 30)
     motion = uniform(jnp.array([0.1, 0.0, 0.0]), jnp.asarray(jerk), 0.02)
     controller = jd.PDFeedforward(slide(), slide().centre, kp=5000.0, kd=300.0)
@@ -276,7 +285,7 @@ def random_slide_log(seed, share=0.0, substeps=1):
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
 def test_the_disturbance_that_is_told_was_there(share):
-    """What the test of δ proves, and what the narrowed box proves, is in no log too much."""
+    """The reported factor of δ is never larger than that of the simulated disturbance."""
     for seed in range(4):
         log = random_slide_log(seed, share, substeps=20)
         found = identify(slide(), log)
@@ -289,7 +298,7 @@ def scaled(log, factor):
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0), (1, 1, 0)])
 def test_batches_that_contradict_each_other_are_refused_in_any_order(order):
-    """More than can be processed together: each is compared with all others all the same."""
+    """The batches are too long to be processed together, but each is compared with all others."""
     sizes = BatchSizes(samples=200, logs=3, together=400)
     logs = random_slide_log(0), scaled(random_slide_log(1), 1.16)
     for log in logs:
@@ -299,7 +308,7 @@ def test_batches_that_contradict_each_other_are_refused_in_any_order(order):
 
 
 def test_the_disturbance_that_batches_need_together_is_told():
-    """Alone each needs nearly none."""
+    """Each batch alone needs less than 0.3·δ, but both together need more, which is reported."""
     logs = scaled(random_slide_log(0), 1.06), scaled(random_slide_log(1), 0.96)
     sizes = BatchSizes(samples=600)
     alone = [identify(slide(), log, sizes=sizes).disturbance_factor for log in logs]
@@ -334,7 +343,10 @@ def test_a_log_must_be_finite(parts, bad):
 
 
 def test_a_program_that_the_simplex_method_does_not_solve_ends(monkeypatch):
-    """An undisturbed log without friction: HiGHS made 270,000 steps in 15 s, and no progress."""
+    """The log is undisturbed, with zero friction, and is solved by the interior-point method.
+
+    The simplex method of HiGHS made no progress in 270,000 steps (15 s).
+    """
     system = jd.System(
         (
             jd.Term("m", "kg", (8.0, 16.0)),

@@ -1,4 +1,4 @@
-"""The architecture: a folder imports only from folders above it, and files form no circle."""
+"""Architecture: a folder imports only from folders above it, and imports are not circular."""
 
 import ast
 import graphlib
@@ -17,7 +17,7 @@ FOLDERS = (
 
 
 def modules() -> dict[str, Path]:
-    """Every module below the package, by its dotted name."""
+    """Return every module of the package, by its dotted name."""
     found = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
@@ -26,7 +26,10 @@ def modules() -> dict[str, Path]:
 
 
 def imports_of(path: Path, known: set[str]) -> set[str]:
-    """The modules of the package that a file imports; by name only, and none of the experiments."""
+    """Return the modules of the package that a file imports.
+
+    Raises an error for relative and dynamic imports, and for imports of experiments or tests.
+    """
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         name = node.id if isinstance(node, ast.Name) else getattr(node, "attr", "")
@@ -49,13 +52,14 @@ def test_the_files_that_name_folders_import_nothing():
 
 
 def floor_of(module: str) -> int:
-    """How far down the list a module stands: single files of the package are above all folders."""
+    """Return the position of a module in the list of folders, −1 for files of the package."""
     parts = module.split(".")
     return FOLDERS.index(parts[1]) if len(parts) > 1 and parts[1] in FOLDERS else -1
 
 
 def test_the_folders_are_those_of_the_list():
-    there = {path.parent.name for path in PACKAGE.glob("*/*.py")}  # the guide holds only pages
+    # the folder guide contains only pages
+    there = {path.parent.name for path in PACKAGE.glob("*/*.py")}
     assert there == set(FOLDERS)
     listed = (jaxid.__doc__ or "").partition("imports only from those above it:")[2]
     assert tuple(line.split()[0] for line in listed.strip().splitlines()) == FOLDERS
@@ -88,7 +92,7 @@ def test_only_the_plots_draw():
 
 
 def quiet(names: list[str]) -> None:
-    """Importing these modules computes and switches nothing."""
+    """Require that importing these modules starts no computation and changes no setting."""
     program = (
         f"import jax, {', '.join(names)}\n"
         "assert not jax.config.jax_enable_x64\n"
@@ -102,7 +106,7 @@ def test_importing_the_library_computes_and_changes_nothing():
 
 
 def test_importing_a_program_computes_nothing():
-    """What runs before `configure` is in float32, and keeps loops from being folded."""
+    """A computation before `configure` would be in float32, without the compiler options."""
     root = PACKAGE.parent
     quiet(
         [

@@ -1,4 +1,4 @@
-"""Ranges hold all values of their expression; those of regressors are no wider than need be."""
+"""Ranges contain all values of their expression; ranges of regressors are not too wide."""
 
 import jax
 import jax.numpy as jnp
@@ -20,10 +20,10 @@ SIZE = 5
 vectors = arrays(float, SIZE, elements=ends)
 shares = arrays(float, SIZE, elements=st.floats(0.0, 1.0))
 widths = arrays(float, SIZE, elements=st.floats(0.01, 2.0))
-# each of both signs, and far enough from zero to divide by
+# both signs occur, far enough from zero for a division
 divisors = vectors.map(lambda c: np.where(c < 0, c - 0.1, c + 0.1))
 
-# of numbers as of ranges x and y, with known numbers c
+# expressions of numbers or ranges x and y, and of known numbers c
 EXPRESSIONS = {
     "x + y": lambda x, y, c: x + y,
     "x - y": lambda x, y, c: x - y,
@@ -61,7 +61,7 @@ def as_range(pair):
 
 
 def assert_holds(found, values):
-    """All values inside, and both ends attained."""
+    """Require that the range contains all values and that both ends are attained."""
     span = 1e-12 * (1 + np.max(np.abs(values)))
     assert float(found.lower) == pytest.approx(np.min(values), abs=span)
     assert float(found.upper) == pytest.approx(np.max(values), abs=span)
@@ -70,7 +70,7 @@ def assert_holds(found, values):
 @pytest.mark.parametrize("transform", TRANSFORMS)
 @pytest.mark.parametrize("name", EXPRESSIONS)
 def test_every_value_is_inside(name, transform):
-    """But for rounding, which is not directed."""
+    """Values of the expression at random points lie in its range, except for rounding."""
     expression = EXPRESSIONS[name]
     of_ranges = TRANSFORMS[transform](expression)
 
@@ -80,11 +80,11 @@ def test_every_value_is_inside(name, transform):
         found = of_ranges(*ranges, jnp.asarray(c))
         assert isinstance(found, Range)
         lower, upper = map(np.array, found)
-        if name == "x / y":  # 0·∞ bounds nothing
+        if name == "x / y":  # 0·∞ is NaN and bounds nothing
             lower[(y <= 0) & (y + dy >= 0) & np.isnan(lower)] = -np.inf
             upper[(y <= 0) & (y + dy >= 0) & np.isnan(upper)] = np.inf
         for s, t in ((0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (at_x, at_y)):
-            # a number over zero, or over one so small that the quotient is no number
+            # a division by zero, or a quotient that overflows
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 value = expression(x + s * dx, y + t * dy, c)
             real = np.isfinite(value)
@@ -142,7 +142,10 @@ def test_of_two_ranges_one_is_chosen_entry_by_entry():
 
 @pytest.mark.parametrize("name", EXPRESSIONS)
 def test_ends_have_the_slopes_of_their_differences(name):
-    """And a wider operand makes no result narrower."""
+    """Gradients of the ends agree with finite differences.
+
+    A wider operand never gives a narrower result.
+    """
     expression = EXPRESSIONS[name]
 
     def both_ends(x, y, c):
@@ -152,7 +155,7 @@ def test_ends_have_the_slopes_of_their_differences(name):
     of_ranges = jax.jit(both_ends)
     rng = np.random.default_rng(0)
     for _ in range(20):
-        # of both signs without zero, where a quotient has no slope; corners are met by chance only
+        # both signs without zero, where a quotient has no gradient; random points avoid kinks
         x, y = (
             rng.choice([-1, 1]) * Range(low, low + width)
             for low, width in zip(rng.uniform(0.2, 2.0, 2), rng.uniform(0.05, 2.0, 2), strict=True)
@@ -178,7 +181,7 @@ def test_two_ranges_add_up_to_a_range_and_not_to_four_numbers():
 @pytest.mark.parametrize("known", [np.array([-2.0, 0.5]), np.float64(-2.0), -2.0, -2, np.array(-2)])
 @pytest.mark.parametrize("as_array", [lambda x: x, jnp.asarray])
 def test_numbers_and_arrays_on_either_side(known, as_array):
-    """A NumPy array on the left would otherwise make an array of two or three ranges."""
+    """A NumPy array on the left must not make an array of two or three ranges."""
     x, c = Range(np.array([-1.0, 2.0]), np.array([4.0, 3.0])), as_array(known)
     corners = np.array([[-1.0, 2.0], [4.0, 3.0]])
     for found, values in (
@@ -264,14 +267,17 @@ def test_ranges_of_regressors_and_bounds(name, position, velocity):
     values = np.asarray(function(jnp.asarray(places), jnp.asarray(speeds)))
     assert float(found.lower) <= np.min(values) + 1e-12
     assert np.max(values) - 1e-12 <= float(found.upper)
-    # as tight as the sampling can tell, but for a jump that lies between two samples
+    # as narrow as the samples show, except for a jump between two samples
     if "motor" not in name and name not in ("rising", "offset forward"):
         assert float(found.upper - found.lower) <= np.ptp(values) + 0.02
 
 
 @given(pairs, ends)
 def test_dry_friction_may_be_anything_at_rest(velocity, position):
-    """Moving, it is the sign; in both directions together one-way frictions are it."""
+    """The range of the sign is [−1, 1] if it includes rest.
+
+    The sum of both one-way frictions is the sign.
+    """
     v, y = as_range(velocity), exactly(jnp.asarray(position))
     found = Sign().range(y, v)
     at_rest = velocity[0] <= 0 <= velocity[1]
@@ -289,7 +295,7 @@ def test_dry_friction_may_be_anything_at_rest(velocity, position):
 
 @pytest.mark.parametrize("wrong", [0.0, -3.0, float("nan"), float("inf")])
 def test_what_would_turn_a_range_around_is_refused(wrong):
-    """A β or pitch below zero made the lower end the upper one, and so δ too small."""
+    """A negative β or pitch would exchange the ends of a range, and so make δ too small."""
     with pytest.raises(ValueError, match="`beta` of a Coulomb regressor must be positive"):
         Coulomb(wrong)
     with pytest.raises(ValueError, match="`pitch` of a Sine regressor must be positive"):
@@ -313,11 +319,12 @@ def steep(position, velocity):
 
 @given(pairs, pairs)
 def test_a_steep_function_has_a_range_that_is_proved_and_narrow(position, velocity):
-    """By its slopes in 8 × 8 cells, and by its bounds where it is saturated."""
+    """The range follows from slopes in 8 × 8 cells, and from bounds at saturation."""
     y, v = as_range(position), as_range(velocity)
     own = Custom(steep, slopes=(10.0, 50.0))
     found, bounded = own.range(y, v), Custom(steep, (10.0, 50.0), bounds=(-1.0, 1.0)).range(y, v)
-    grid = np.meshgrid(samples(y, 17), samples(v, 17))  # the midpoints of the cells among them
+    # the grid contains the midpoints of the cells
+    grid = np.meshgrid(samples(y, 17), samples(v, 17))
     values = steep(*(jnp.asarray(x.ravel()) for x in grid))
     for one in (found, bounded):
         assert float(one.lower) <= float(jnp.min(values)) + 1e-12

@@ -1,4 +1,4 @@
-"""Logs whose ticks came too early or too late: what is proved holds for the axis all the same."""
+"""Logs with jitter: state bounds and intervals from them contain the true states and parameters."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,10 +18,11 @@ PLANTS, STEPS = 12, 20
 
 
 def experiments(key, motion, jitter):
-    """Logs of random plants under the worst steady disturbance, and what the axes really did.
+    """Return logs of random plants with a random disturbance, and the true states.
 
-    By hand, since the simulation of the library knows no jitter: classical Runge-Kutta from one
-    instant τ_k to the next. Half of the plants meet any instants, half the extreme ones.
+    The loop is written here, since the simulation of the library has no jitter: classical
+    Runge-Kutta steps from one instant τ_k to the next. Half of the plants have instants anywhere
+    within the jitter, half of them only at its ends.
     """
     theta = np.asarray(random_parameters(key, motor.system(), PLANTS)).T
     wanted = sampled(motion, H)
@@ -32,7 +33,7 @@ def experiments(key, motion, jitter):
     disturbed = random.uniform(-1.0, 1.0, (n, PLANTS))
 
     def slope(y, v, u, share):
-        delta = share * np.where(np.abs(v) < 0.1, 0.25, 0.15)  # the motor's δ
+        delta = share * np.where(np.abs(v) < 0.1, 0.25, 0.15)  # δ of the motor
         friction = theta[1] * v + theta[2] * 2 / np.pi * np.arctan(1000.0 * v)
         return v, (u - friction - theta[3] - delta) / theta[0]
 
@@ -62,7 +63,10 @@ def experiments(key, motion, jitter):
 
 
 def log_of(read, input, jitter):
-    """Without its first and last tick, whose inputs jitter lets into the others."""
+    """Return the log without its first and last sample.
+
+    With jitter, their inputs act in the neighbouring sample periods; they are given as `outer`.
+    """
     return Log(
         jnp.asarray(input[1:-2]),
         jnp.asarray(read[1:-1]),
@@ -73,7 +77,7 @@ def log_of(read, input, jitter):
     )
 
 
-# how much it leaves of the box of M at most: seen were 0.072, 0.083 and 0.217
+# left: limit of half-width / prior half-width of M; measured: 0.072, 0.083 and 0.217
 @pytest.mark.parametrize(("share", "left"), [(1e-4, 0.08), (1e-2, 0.1), (0.1, 0.25)])
 def test_what_is_proved_of_a_log_with_jitter_is_true(motion, key, share, left):
     jitter, system = share * H, motor.system()
@@ -93,7 +97,7 @@ def test_what_is_proved_of_a_log_with_jitter_is_true(motion, key, share, left):
 
 @pytest.mark.parametrize("share", [1e-2, 0.1])
 def test_a_log_with_jitter_that_is_read_without_it_is_refused_or_wrong(motion, key, share):
-    """The bound needs its term, then: else something untrue would be proved of every plant."""
+    """Without its jitter term, the bound is refuted or misses a true parameter for every plant."""
     system = motor.system()
     for theta, read, input, *_ in zip(*experiments(key, motion, share * H), strict=True):
         try:

@@ -1,4 +1,4 @@
-"""Several logs together: each keeps its own errors, and together they prove more than any alone."""
+"""Several logs together: each keeps its own errors, and their joint bounds are the smallest."""
 
 import itertools
 
@@ -26,12 +26,13 @@ from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 
 SYSTEM = motor.system()
-SERVOS = ((0.5e-6, 0.0002), (5e-6, 0.0004))  # two logs need not come from the same
+# resolution, m, and period, s: the logs may have different servos
+SERVOS = ((0.5e-6, 0.0002), (5e-6, 0.0004))
 KNOTS = 60
 
 
 def logs_of(figures, theta, disturbances):
-    """Of the motions for M and for B, by two servos."""
+    """Return logs of the motions for M and for B, recorded by two servos."""
     found = []
     for name, (resolution, period), disturbance in zip("MB", SERVOS, disturbances, strict=True):
         motion = read_trajectory(figures / f"trajectory_{name}_N30.csv")
@@ -51,7 +52,10 @@ def rows(way, log):
 
 @pytest.mark.parametrize("way", [hats, boxes])
 def test_any_weights_mean_what_they_mean_log_by_log(way, logs, key):
-    """Sums over the logs, in which those on the rows between them have no part."""
+    """Estimate and bound of random weights are the sums over the logs.
+
+    Weights on the padding rows between them have no effect.
+    """
     parts = [rows(way, log) for log in logs]
     together = join_rows(parts)
     counts = [part.record.input.size for part in parts]
@@ -73,7 +77,7 @@ def test_any_weights_mean_what_they_mean_log_by_log(way, logs, key):
 
 
 def test_together_they_prove_more_than_each(logs):
-    """Of every parameter what the better one proves, and of B more."""
+    """The joint bounds are no larger than the best single ones, and that of B is smaller."""
     alone = [guaranteed_intervals(SYSTEM, [log], KNOTS) for log in logs]
     together = guaranteed_intervals(SYSTEM, logs, KNOTS)
     best = jnp.minimum(*(found.estimate.bound for found in alone))
@@ -86,7 +90,10 @@ def test_together_they_prove_more_than_each(logs):
 
 
 def test_a_lucky_log_is_not_diluted_by_others(figures):
-    """At a corner of the box, where the short log narrows it more than both together: by 1 %."""
+    """The joint bounds are never larger than those of any single log.
+
+    At this corner of the box the short log alone narrows the box 1 % more than both logs together.
+    """
     theta = jnp.array([0.08, 0.0, 0.5, -0.5])
     disturbances = (AgainstTracking(10.0), AgainstTracking(-10.0))
     first, second = logs_of(figures, theta, disturbances)
@@ -98,7 +105,7 @@ def test_a_lucky_log_is_not_diluted_by_others(figures):
 
 
 def test_no_truth_is_outside_of_what_they_prove_together(figures, key):
-    """Random motors, each of whose logs another force disturbs."""
+    """The motors are random, and each log has another disturbance."""
     keys = jax.random.split(key, 5)
     for own, theta in zip(
         keys, uniform_in_box(key, SYSTEM.lower, SYSTEM.upper, len(keys)), strict=True
@@ -112,9 +119,10 @@ def test_no_truth_is_outside_of_what_they_prove_together(figures, key):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_log_in_pieces_proves_nearly_what_the_whole_proves(logs, seed):
-    """Six pieces, some of a few ticks: each cut costs the hats across it, together 0.5 %.
+    """A log cut into six pieces gives bounds at most 1 % larger than the whole log.
 
-    Filled up, so that they are compiled for once.
+    Each cut loses the hat functions across it, together 0.5 %. The pieces are padded to one length,
+    so that they are compiled once.
     """
     log, random = logs[0], np.random.default_rng(seed)
     n = log.input.size
@@ -134,12 +142,12 @@ def test_a_log_of_one_tick_takes_nothing_from_another(logs):
     one = Log(log.input[:1], log.position[:2], log.period, log.resolution)
     with_one = guaranteed_intervals(SYSTEM, [one, log], KNOTS).estimate.bound
     alone = guaranteed_intervals(SYSTEM, [log], KNOTS).estimate.bound
-    # read twice more, with a box that is already small
+    # two logs are processed in more passes, each with a smaller box
     assert np.all((with_one <= alone) & (alone < with_one * (1 + 1e-5)))
 
 
 def test_logs_of_two_motors_contradict_each_other(figures, logs):
-    """M of 0.1 and 0.122: neither log alone is impossible, the pair is."""
+    """With M = 0.1 and M = 0.122 V s²/m each log alone is consistent, the pair is not."""
     heavy = jnp.asarray(motor.TRUE_PARAMETERS).at[0].set(0.1)
     other = logs_of(figures, heavy, (NoDisturbance(), NoDisturbance()))
     pair = [rows(hats, log) for log in (logs[0], other[0])]
@@ -150,7 +158,7 @@ def test_logs_of_two_motors_contradict_each_other(figures, logs):
 
 
 def test_each_log_has_its_own_number_of_weights(logs):
-    """None: all rows; a number for all logs, or one for each."""
+    """None means one weight per row. One number holds for every log; a tuple has one per log."""
     together = join_rows([rows(hats, log) for log in logs])
     runs = pieces(together.record.rows.measure)
     args = (np.ones((together.record.input.size, 4)), np.ones(together.record.input.size))
@@ -184,7 +192,11 @@ def test_what_several_logs_rest_on_is_said_once(logs):
 
 
 def test_another_log_widens_no_interval(figures):
-    """A corner of the box and a coarse encoder, where the short cut widened that of F_c by 39 %."""
+    """The joint intervals lie inside those of each log.
+
+    At this corner of the box, with a coarse encoder, a simpler method widened the interval of F_c
+    by 39 %.
+    """
     theta = jnp.array([0.18, 0.0, 0.0, -0.5])
     for number, kind in enumerate((NoDisturbance(), AgainstTracking(10.0), AgainstTracking(-10.0))):
         logs = logs_of(figures, theta, (kind, random_shares(jax.random.key(number), 3000)))
@@ -197,7 +209,7 @@ def test_another_log_widens_no_interval(figures):
 
 
 def test_logs_of_one_servo_are_described_together():
-    """Segments of one log have periods that differ a little, by the clock of the logger."""
+    """Periods of segments that differ slightly, by the clock of the logger, count as one servo."""
     periods = 1e-3, 1.0004e-3, 0.9997e-3
     parts = [Log(np.zeros(9), np.zeros(10), period, 1e-6, 2e-5) for period in periods]
     said = assumptions(SYSTEM, *parts)

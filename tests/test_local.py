@@ -1,4 +1,4 @@
-"""Motions improved with limits on the axis itself; what a motion asks of the input."""
+"""Improvement of one motion with limits on the axis itself, and the input that a motion needs."""
 
 import equinox as eqx
 import jax
@@ -41,7 +41,10 @@ def centre():
 
 
 def through_the_loop(limits, bandwidth=50.0) -> Problem:
-    """J_f of M for the box's centre, limits kept by the two corners that need the most input."""
+    """Return the problem of J_f of M at the centre of the box.
+
+    The axis must keep the limits at the two corners of the box that need the most input.
+    """
     criterion = FilteredError(individual(0, 4), bandwidth, H)
     corners = every(motor.system(), vertices(motor.system())[jnp.array([8, 15])], [NoDisturbance()])
     return Problem(
@@ -53,13 +56,13 @@ def through_the_loop(limits, bandwidth=50.0) -> Problem:
 
 
 def by_input() -> Limits:
-    """The input limit itself instead of (18)."""
+    """Return limits with the input limit itself instead of the acceleration limit (18)."""
     reach = acceleration_reach(motor.system(), **BOX)
     return eqx.tree_at(lambda x: x.acceleration, motor.limits(), reach)
 
 
 def beyond(deep, motion):
-    """On the way from a motion inside the limits to one at them, 0.3 of the way too far."""
+    """Return the motion extrapolated from `deep` through `motion`, by 30 % of their difference."""
     return eqx.tree_at(lambda t: t.jerk, motion, deep.jerk + 1.3 * (motion.jerk - deep.jerk))
 
 
@@ -69,17 +72,18 @@ def problem() -> Problem:
 
 
 def test_a_refined_motion_is_better_and_the_axis_keeps_its_limits(problem, motion):
-    """The start touches the limit of speed, so its axis leaves it; the result's does not."""
+    """The start touches the velocity limit, so that its axis exceeds it; the result does not."""
     assert problem.violation(motion) > 1e-5
     effort = Effort(newton_rounds=2, newton_steps=10, programs=20)
     said = []
     found = improve(problem, motion, effort, said.append)
     assert problem.violation(found.trajectory) <= 0
-    assert found.history[-1] < found.history[0] - 3e-4  # 5.6e-4, after a repair that gains more
+    # 5.6e-4 was measured; the repair before it gains more
+    assert found.history[-1] < found.history[0] - 3e-4
     assert found.value < float(problem.value(motion)) - 1e-3
     assert list(found.history) == sorted(found.history, reverse=True)
     assert len(said) == 2
-    # said again by a loop of its own
+    # the limits are checked again in a separate closed loop
     for theta in vertices(motor.system())[jnp.array([8, 15])]:
         scenarios = every(motor.system(), theta[None], [NoDisturbance()])
         for side in axis_violations(
@@ -90,7 +94,7 @@ def test_a_refined_motion_is_better_and_the_axis_keeps_its_limits(problem, motio
 
 
 def test_nothing_but_an_improvement_is_accepted(problem, motion):
-    """With no steps at all the start comes back, in its limits."""
+    """With zero steps, a start that keeps its limits is returned unchanged."""
     effort = Effort(newton_rounds=0, programs=0)
     found = improve(problem, motion, effort)
     assert len(found.history) == 1
@@ -105,7 +109,10 @@ def test_an_axis_that_cannot_keep_its_limits_is_refused(motion):
 
 
 def test_repair_costs_less_than_stepping_back(problem, motion):
-    """Near the limits by far; from far away linearised conditions lose, and it steps back."""
+    """Near the limits, repair by linear programs gives a better motion than stepping back.
+
+    Far from them the linearised conditions fail, and the repair steps back.
+    """
     deep = interior_motion(problem, 60, T)
     for far, gain in ((motion, 0.004), (beyond(deep, motion), 0.0)):
         by_programs, back = repaired(problem, deep, far), stepped_back(problem, deep, far)
@@ -117,7 +124,7 @@ def test_repair_costs_less_than_stepping_back(problem, motion):
 
 
 def test_stepping_back_ends_next_to_the_limits(problem, motion):
-    """Within 2 % of the room that there is; from far away the way has more corners."""
+    """The margin left is below 2 % of that of the interior motion, or 20 % from far outside."""
     deep = interior_motion(problem, 60, T)
     for far, share in ((motion, 0.02), (beyond(deep, motion), 0.2)):
         back = stepped_back(problem, deep, far)
@@ -125,7 +132,7 @@ def test_stepping_back_ends_next_to_the_limits(problem, motion):
 
 
 class Erratic(Prediction):
-    """Follows but for a noise that is another one for a jerk that differs in its last bit."""
+    """A prediction with noise that depends on the last bits of the jerk."""
 
     follows: FrozenLoop
 
@@ -163,7 +170,10 @@ def test_what_the_axis_adds_is_exact_where_it_was_frozen(problem, motion):
 
 
 def test_linearised_conditions_foresee_what_a_small_change_does(problem, motion):
-    """Of the worst of each group of ticks, to a few per cent of the change (0.1 m/s³ here)."""
+    """The largest violation of each group of samples is predicted to 5 % of its change.
+
+    The jerk changes by about 0.1 m/s³.
+    """
     limits = problem.limits
     planned = inequalities(limits, problem.boundary, 60, T)
     conditions = axis_conditions(planned, limits, freeze(problem.axis, limits, motion), motion)
@@ -183,12 +193,12 @@ def test_linearised_conditions_foresee_what_a_small_change_does(problem, motion)
     np.testing.assert_allclose(here, room(motion), atol=1e-9)
     foreseen = here - conditions.rows[added] @ change
     size = np.max(np.abs(conditions.rows[added] @ change))
-    # where friction jumps nothing linear can follow: the median tells
+    # no linear model follows the jumps of friction, so the median error is tested
     assert np.median(np.abs(foreseen - room(moved))) < 0.05 * size
 
 
 def test_a_polish_keeps_the_limits_of_a_perfect_axis(motion):
-    """The input limit itself instead of (18): more acceleration, and a smaller J."""
+    """With the input limit instead of (18), refinement uses more acceleration and reduces J."""
     axis = fixed_margins(motor.system(), 600, (0.0, 0.0, 0.0, 0.0))
     objective = PlannedError(motor.system(), individual(0, 4), 2.0, 8)
     problem = Problem(objective, by_input(), motor.boundary(), axis)
@@ -219,7 +229,7 @@ def test_demand_is_the_worst_corner(axis):
 
 @pytest.mark.parametrize("axis", [motor, arm])
 def test_no_acceleration_beyond_the_reach_is_admissible_anywhere(axis):
-    """And at some state the reach itself is, to a few per cent: it is no wider than need be."""
+    """No state admits an acceleration above the reach, and some state admits 97 % of it."""
     system, limits = axis.system(), axis.limits()
     y, v = (np.linspace(*np.asarray(x), 201) for x in (limits.position, limits.velocity))
     y, v = (jnp.asarray(x.ravel()) for x in np.meshgrid(y, v))
@@ -245,7 +255,7 @@ def test_inside_is_inside_for_the_axis_too(problem):
 
 
 def test_where_the_objective_has_no_slope_the_start_remains(motion):
-    """Its slope at the start is 0/0: a search for it must neither stop the program nor win."""
+    """The gradient at the start is 0/0. The search must neither fail nor return a NaN."""
 
     def objective(trajectory, smoothing):
         return jnp.sqrt(jnp.sum((trajectory.jerk - motion.jerk) ** 2))

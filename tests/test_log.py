@@ -1,4 +1,4 @@
-"""What a log proves: brackets hold at every instant, intervals hold the truth, and hardly more."""
+"""Guarantees from a log: state bounds and intervals hold, and are not much wider than necessary."""
 
 import equinox as eqx
 import jax
@@ -39,7 +39,7 @@ def law(axis):
 
 
 def experiment(axis, trajectory, theta, disturbance, resolution, period, ticks):
-    """A log of the closed loop, and its true signals at ten steps per tick."""
+    """Return a log of the closed loop, and its true signals at ten steps per sample."""
     plant = Plant(axis.system(), theta, disturbance)
     servo = Servo(period, resolution)
     desired = reference(trajectory, period, ticks)
@@ -48,13 +48,13 @@ def experiment(axis, trajectory, theta, disturbance, resolution, period, ticks):
 
 
 def during(values, ticks):
-    """Lowest and highest in each tick, its ends included."""
+    """Return the smallest and largest value in each sample period, including its ends."""
     parts = np.stack([np.asarray(values)[k : k + SUBSTEPS * ticks : SUBSTEPS] for k in range(11)])
     return parts.min(axis=0), parts.max(axis=0)
 
 
 def random_motion(key, axis, intervals=20):
-    """Within the limits by a factor: the brackets must not depend on what a reference does."""
+    """Return a random motion that need not keep the limits of a reference."""
     space = motion_space(axis.limits(), axis.boundary(), intervals, axis.KNOT_PERIOD)
     jerk = 0.3 * axis.limits().jerk[1] * jax.random.uniform(key, (intervals,), minval=-1.0)
     return uniform(space.start, jerk, axis.KNOT_PERIOD)
@@ -69,7 +69,10 @@ PLANTS = [
 
 @pytest.mark.parametrize(("axis", "resolution", "period"), PLANTS)
 def test_brackets_hold_at_every_instant(axis, resolution, period, key):
-    """For corners and random points of the box, against random forces and an adversary."""
+    """State bounds contain the true states, for corners and random points of the prior box.
+
+    The disturbance is zero, random, or opposes the tracking.
+    """
     keys = jax.random.split(key, 3)
     system, motion = axis.system(), random_motion(keys[0], axis)
     n = round(float(motion.duration) / period)
@@ -92,7 +95,10 @@ def test_brackets_hold_at_every_instant(axis, resolution, period, key):
 
 
 def test_brackets_are_worth_having(motion):
-    """With the box that the log itself proves: 3 mm/s, of 2 m/s, from a count every 2.5 mm/s."""
+    """With the box narrowed by the log, the median velocity range is below ±3 mm/s.
+
+    The largest speed is 2 m/s, and one count per sample period is 2.5 mm/s.
+    """
     ticks = round(float(motion.duration) / H)
     theta = jnp.asarray(motor.TRUE_PARAMETERS)
     log, _ = experiment(motor, motion, theta, motor.plant().disturbance, Q, H, ticks)
@@ -114,7 +120,7 @@ def test_a_log_that_nothing_can_have_left_is_refused(motion):
     slow = eqx.tree_at(lambda x: x.period, log, jnp.asarray(0.5))
     with pytest.raises(ValueError, match=r"`log` has a sample period of 0.5 s, which is too long"):
         state_bounds(motor.system(), slow)
-    for resolution in (-1e-7, float("nan")):  # with −1e-7 d̄ was bounded below its floor
+    for resolution in (-1e-7, float("nan")):  # −1e-7 gave a bound of d̄ below its lower bound
         with pytest.raises(ValueError, match="`resolution` of a log must be at least zero and fin"):
             Log(log.input, log.position, H, resolution)
     with pytest.raises(ValueError, match="`period` of a log must be positive and finite"):
@@ -125,7 +131,7 @@ def test_a_log_that_nothing_can_have_left_is_refused(motion):
 
 @pytest.fixture(scope="module")
 def quiet(motion):
-    """A log of an exact sensor without disturbance, of some plant in the box."""
+    """Return θ, signals and log of an undisturbed plant with an exact sensor."""
     theta = jnp.array([0.11, 0.3, 0.2, -0.1])
     plant = Plant(motor.system(), theta, NoDisturbance())
     desired = reference(motion, H, round(float(motion.duration) / H))
@@ -134,7 +140,7 @@ def quiet(motion):
 
 
 def tick_weights(logged, weights):
-    """What weights on rows are as weights on the inputs of the n ticks."""
+    """Convert weights on rows to weights on the inputs of the n samples."""
     rows = logged.record.input.size
     inputs = jax.jacobian(lambda u: rows_input(logged, u))(jnp.zeros(rows + 1))
     return weights @ inputs
@@ -145,7 +151,10 @@ def rows_input(logged, u):
 
 
 def exchanged(log, weights, system, signals, sign):
-    """The same motion under the worst disturbance, which the input makes good tick by tick."""
+    """Return the log of the same motion under the worst-case disturbance.
+
+    The input compensates the disturbance in every sample period.
+    """
     v = during(signals.velocity, log.input.size)
     y = during(signals.position, log.input.size)
     ends = [system.disturbance_bound(jnp.asarray(a), jnp.asarray(b)) for a in y for b in v]
@@ -154,7 +163,7 @@ def exchanged(log, weights, system, signals, sign):
 
 
 def error_of(logged, weights, u, theta, k):
-    """Of the estimate of parameter k, with other inputs but the same rows."""
+    """Return error and bound of the estimate of parameter k, for other inputs and the same rows."""
     record = eqx.tree_at(lambda r: r.input, logged.record, rows_input(logged, u))
     found = guaranteed_estimate(eqx.tree_at(lambda x: x.record, logged, record), weights)
     return float(found.theta[k] - theta[k]), float(found.bound[k])
@@ -162,7 +171,10 @@ def error_of(logged, weights, u, theta, k):
 
 @pytest.mark.parametrize("k", range(4))
 def test_the_bound_is_reached(quiet, k):
-    """Exact sensor: 99 % of it, so that a bound 5 % smaller is wrong."""
+    """With an exact sensor, the worst-case disturbance gives more than 95 % of the bound.
+
+    This is more than 99 % of the part of the bound that is due to Δ.
+    """
     theta, signals, log = quiet
     system = motor.system()
     logged = guaranteed_intervals(system, [log]).rows
@@ -177,7 +189,7 @@ def test_the_bound_is_reached(quiet, k):
 
 
 def noisy(log, sign):
-    """The same log read by an encoder of 20 µm, each reading as wrong as it may be."""
+    """Return the log read by an encoder of 20 µm, with errors of ±half a count."""
     return Log(log.input, log.position + sign * 10e-6, log.period, 20e-6)
 
 
@@ -188,7 +200,10 @@ def without(logged, *names):
 
 @pytest.mark.parametrize("k", range(3))
 def test_without_its_quantisation_the_bound_would_be_wrong(quiet, k):
-    """The truth in the readings, the worst forces and the worst readings for the weights of one."""
+    """Worst-case disturbance and encoder errors together give more than 95 % of the bound.
+
+    They exceed the bound without the quantisation term.
+    """
     theta, signals, exact = quiet
     system = motor.system()
     logged = guaranteed_intervals(system, [noisy(exact, 0.0)]).rows
@@ -204,7 +219,10 @@ def test_without_its_quantisation_the_bound_would_be_wrong(quiet, k):
 
 
 def test_without_its_lag_the_bound_of_the_papers_way_would_be_wrong(motion):
-    """Exact sensor, 1 ms: velocities of half a tick ago break a bound of B, whatever the filter."""
+    """With an exact sensor at 1 ms, the error of B exceeds the bound without the lag term.
+
+    Velocities by differences are half a sample period late.
+    """
     period, system = 0.001, motor.system()
     plant = Plant(system, jnp.array([0.11, 0.3, 0.2, -0.1]), NoDisturbance())
     desired = reference(motion, period, round(float(motion.duration) / period))
@@ -224,13 +242,13 @@ def test_without_its_lag_the_bound_of_the_papers_way_would_be_wrong(motion):
 
 
 def test_no_modulating_function_of_other_knots_or_filter_guarantees_more(quiet):
-    """The program's weights are the best of their family, and beat those of the others by a lot."""
+    """Neither fewer knots nor second-order filters of three bandwidths give a smaller bound."""
     _, _, log = quiet
     system = motor.system()
     logged = guaranteed_intervals(system, [log]).rows
     best = guaranteed_estimate(logged, modulating(logged, system.half_widths)).bound
     coarse = guaranteed_estimate(logged, modulating(logged, system.half_widths, knots=75)).bound
-    # 6e-5 by what its objective leaves out; an exact sensor asks for more knots than an encoder
+    # its objective omits some channels (6e-5); exact sensors need more knots than encoders
     assert np.all(best <= 1.0002 * coarse)
     assert np.all(coarse <= 1.15 * best)
     for w in (300.0, 1000.0, 3000.0):
@@ -240,7 +258,10 @@ def test_no_modulating_function_of_other_knots_or_filter_guarantees_more(quiet):
 
 
 def test_the_program_finds_what_a_bare_one_finds(quiet):
-    """All weights free, every channel in the objective, for a log of few ticks: no knots, HiGHS."""
+    """For a short log the bounds agree to 0.1 % with a dense linear program, solved by HiGHS.
+
+    It has one free weight per row and all channels in its objective.
+    """
     _, _, log = quiet
     short = Log(log.input[:120], log.position[:121], H, Q)
     system = motor.system()
@@ -248,12 +269,12 @@ def test_the_program_finds_what_a_bare_one_finds(quiet):
     weights = modulating(logged, system.half_widths, knots=10_000)
     found = guaranteed_estimate(logged, weights).bound
     for k, bound in enumerate(bare(logged, system.half_widths)):
-        # the bare one also sees the channels of ẏ, which the other leaves out of its objective
+        # only the dense program has the channels of ẏ in its objective
         assert bound <= float(found[k]) <= bound * 1.001
 
 
 def bare(logged, half_widths):
-    """min Σ|g|δ + Σ|S g|b + Σ|e − Φᵀg|·box with one variable per absolute value."""
+    """Yield min Σ|g|δ + Σ|S g|b + Σ|e − Φᵀg|·box, with one variable per absolute value."""
     rows, n = logged.record.rows, logged.record.rows.delta.size
     parts = [np.diag(np.asarray(rows.delta))]
     for channel in logged.channels.values():
@@ -276,7 +297,7 @@ def bare(logged, half_widths):
 
 
 def test_every_viscous_term_has_an_error_of_its_own(quiet):
-    """Two of them: neither's may replace the other's."""
+    """The errors of two viscous terms add up; neither replaces the other."""
     _, _, log = quiet
     log = noisy(log, 0.0)
     system = motor.system()
@@ -294,19 +315,25 @@ def test_every_viscous_term_has_an_error_of_its_own(quiet):
 
 
 def test_rounding_far_from_zero_is_part_of_the_bound(quiet):
-    """An exact sensor 1000 m away: what doubles lose there, second differences make 3 m/s² of."""
+    """At 1000 m, rounding of double precision causes errors of 3 m/s² in second differences.
+
+    The quantisation term of an exact sensor covers them.
+    """
     _, _, log = quiet
     far = eqx.tree_at(lambda x: x.position, log, log.position + 1000.0)
     one, other = (hats(motor.system(), x, state_bounds(motor.system(), x)) for x in (log, far))
     wrong = np.abs(one.record.rows.columns[0] - other.record.rows.columns[0])
     most = float(motor.system().upper[0])
-    # each of a row's three readings, with its coefficient of 1, -2, 1
+    # three readings per row, with the coefficients 1, −2 and 1
     allowed = 4 * np.max(other.channels["quantised ÿ"].bound) / most
     assert 0 < np.max(wrong) <= allowed
 
 
 def test_what_a_guarantee_rests_on_is_said(quiet):
-    """Terms, box, δ, scale of the input, hold, delay, encoder, with their numbers and units."""
+    """The assumptions name terms, prior box, δ, scale of the input, hold, delay and encoder.
+
+    Values have their units.
+    """
     _, _, log = quiet
     text = " ".join(assumptions(motor.system().with_scaled_disturbance(2.0), noisy(log, 0.0)))
     for part in (
@@ -337,14 +364,14 @@ def test_ticks_that_only_fill_the_arrays_up_change_nothing(quiet):
 
 
 def stripped(logged, delta, term):
-    """Rows without one of the terms that count what happens between the ticks."""
+    """Return rows without one of the terms that cover the motion between the samples."""
     if term == "interpolated ẏ of B":
         return without(logged, term)
     plain = jnp.full_like(logged.record.rows.delta, delta)
     return eqx.tree_at(lambda x: x.record.rows.delta, logged, plain)
 
 
-# the terms of the axis, δ and the period that make it matter
+# terms of the axis, δ and sample period for which the term of the bound matters
 SAMPLING = {
     "brackets of regressors": ((0, 1, 2, 3), 1e-4, 0.001),
     "interpolated ẏ of B": ((0, 1, 3), 1e-7, 0.0002),
@@ -353,7 +380,10 @@ SAMPLING = {
 
 @pytest.mark.parametrize("term", SAMPLING)
 def test_without_its_sampling_terms_the_bound_would_be_wrong(term, motion):
-    """An exact sensor and no disturbance: even then, where δ is small."""
+    """Without the term, the error is more than 20 % above the bound.
+
+    The sensor is exact, δ is small, and there is no disturbance.
+    """
     kept, delta, period = SAMPLING[term]
     whole = motor.system()
     system = eqx.tree_at(lambda s: s.terms, whole, tuple(whole.terms[k] for k in kept))
@@ -373,10 +403,10 @@ def test_without_its_sampling_terms_the_bound_would_be_wrong(term, motion):
 
 @pytest.mark.parametrize("rows", [hats, boxes])
 def test_the_error_of_interpolation_is_what_the_worst_motion_has(rows):
-    """Accelerations ±A that change with every tick: exact integrals beside what a log knows.
+    """Alternating accelerations ±A attain the bound of the interpolation error.
 
-    What the trapezoid rule makes of ∫hat·ẏ, or backward differences of the mean of ÿ, is then off
-    by all of its bound: half of the bound would be too little.
+    The error is the difference from exact integrals: of the trapezoidal rule for ∫hat·ẏ, or of
+    backward differences for the mean of ÿ. Half of the bound would be too small.
     """
     h, n, A = 1e-3, 40, 3.0
     system = motor.system()
@@ -390,7 +420,7 @@ def test_the_error_of_interpolation_is_what_the_worst_motion_has(rows):
     found = rows(system, log, StateBounds(place, still, band, jnp.zeros(n + 1)))
     if (
         rows is hats
-    ):  # ∫ t/h·(v + a t) over the first tick and ∫ (1 − t/h)·(v + a t) over the second
+    ):  # ∫ t/h·(v + a t) over the first sample period, ∫ (1 − t/h)·(v + a t) over the second
         exact = (v[:-2] + v[1:-1]) / 2 + h * (a[:-1] / 3 + a[1:] / 6)
         column, name, most = 1, "interpolated ẏ of B", 0.5
     else:

@@ -1,4 +1,4 @@
-"""Recorded logs in the files that people have: what is read is what was written, or is refused."""
+"""Recorded logs in text, MAT and HDF5 files: they are read exactly, or refused with a message."""
 
 import h5py
 import numpy as np
@@ -41,7 +41,7 @@ def same(found, time=TIME):
 )
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_text_of_any_layout_is_read(tmp_path, separator, comma, before, header, mark):
-    """Any separator, decimal commas where they can be, comments, a row of units, a byte mark."""
+    """The texts vary in separator, decimal comma, comments, row of units and byte order mark."""
     parted = SEPARATORS[separator]
     decimal = "," if comma and separator != "comma" else "."
     names = ["t", "u", "q"] if header != "none" else []
@@ -65,7 +65,7 @@ def test_arrays_are_read_by_name_and_columns_of_a_matrix_by_number(tmp_path):
     with h5py.File(tmp_path / "named.h5", "w") as file:
         for name, x in {"run/t": TIME, "run/u": INPUT, "run/q": POSITION}.items():
             file[name] = x
-    with h5py.File(tmp_path / "new.mat", "w") as file:  # as MATLAB 7.3 writes it
+    with h5py.File(tmp_path / "new.mat", "w") as file:  # the format of MATLAB 7.3
         file["ans"] = matrix.T
     same(read_log(tmp_path / "named.mat", NAMED))
     same(read_log(tmp_path / "matrix.mat", Columns(3, 2, 1)))
@@ -93,7 +93,11 @@ def test_units_are_converted(tmp_path):
     ],
 )
 def test_what_looks_like_another_layout_is_read_as_it_is(tmp_path, text, names, rows):
-    """Blanks before commas, a first row without a decimal mark, a title with as many words."""
+    """The layout of these texts is ambiguous.
+
+    They have blanks before commas, a first row without a decimal mark, or comments that look like
+    names or numbers.
+    """
     path = tmp_path / "log.csv"
     path.write_text(text)
     if names is None:
@@ -170,7 +174,7 @@ def test_arrays_that_do_not_belong_together_are_refused(tmp_path):
     ],
 )
 def test_a_written_log_is_read_back(tmp_path, columns, delay):
-    """As the drive records it: commands `delay` periods before they act."""
+    """In the file, a command is recorded `delay` sample periods before it acts."""
     rng = np.random.default_rng(0)
     log = Log(rng.normal(size=40), rng.normal(size=41), 1e-3, 1e-6)
     (tmp_path / "log.csv").write_bytes(log_bytes(log, columns, delay))

@@ -1,4 +1,4 @@
-"""A log of 200 MB: `make long`, six minutes; not a part of `make test`."""
+"""Identification from a log of 200 MB: `make long`, six minutes, not a part of `make test`."""
 
 import json
 import os
@@ -19,12 +19,15 @@ SIZE = int(float(os.environ.get("JAXID_LONG_LOG", "0")) * 1e6)  # bytes
 
 @pytest.mark.skipif(SIZE == 0, reason="JAXID_LONG_LOG does not say of how many megabytes")
 def test_a_long_log_is_read_in_little_memory(figures, tmp_path, capfd):
-    """The motor repeats its motion all the time; nothing is wider than from one of them."""
+    """The motor repeats one motion.
+
+    The intervals are no wider than those from a single repetition.
+    """
     rows = written(figures, tmp_path / "log.csv")
     (tmp_path / "axis.toml").write_text(example("linear"))
     words = ["identify", "axis.toml", "log.csv", "--out", "out"]
     program = "import sys; from jaxid.axis.cli import main; main(sys.argv[1:])"
-    with capfd.disabled():  # its progress is shown
+    with capfd.disabled():  # show its progress
         subprocess.run([sys.executable, "-c", program, *words], cwd=tmp_path, check=True)
         most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
         print(f"{rows} rows took {most:.0f} MB")
@@ -44,9 +47,9 @@ def test_a_long_log_is_read_in_little_memory(figures, tmp_path, capfd):
 
 
 def written(figures, path):
-    """As many rows as are that many bytes, by a loop that runs all the time."""
+    """Write a log of about SIZE bytes, from a closed loop that repeats one motion."""
     motion = read_trajectory(figures / "trajectory_minimax.csv")
-    repeats = SIZE // (38 * 3000) + 1  # bytes of a row, rows of a motion
+    repeats = SIZE // (38 * 3000) + 1  # 38 bytes per row, 3000 rows per motion
     log = run(motor.plant(), motor.controller(), motor.servo(), motion, repeats=repeats).log
     input, position = np.asarray(log.input), np.asarray(log.position)[:-1]
     with open(path, "w") as file:

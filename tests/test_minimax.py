@@ -1,4 +1,4 @@
-"""The least worst-case error beside HiGHS, beside exact arithmetic, and beside what it promises."""
+"""The minimax error against HiGHS, exact arithmetic, duality and finite differences."""
 
 from fractions import Fraction
 
@@ -43,7 +43,7 @@ def nearly_collinear(rng):
 
 
 def degenerate(rng):
-    """Small integers: rows that repeat, columns of zeros, many optima."""
+    """Return small integers: repeated rows, zero rows, and many optimal solutions."""
     return rng.integers(-1, 2, (40, 3)).astype(float), np.ones(40), np.ones(3)
 
 
@@ -53,13 +53,13 @@ def loose_box(rng):
 
 
 def tight_box(rng):
-    """In which no data tell more than the box."""
+    """Return a box so small that no data narrow it."""
     phi, delta, half_widths = ordinary(rng)
     return phi, delta, 1e-4 * half_widths
 
 
 def fewer_rows_than_parameters(rng):
-    """Two; the others hold nothing."""
+    """Return rows of which only the first two are not zero."""
     phi, delta, half_widths = ordinary(rng)
     phi[2:] = 0.0
     return phi, delta, half_widths
@@ -70,7 +70,7 @@ def many_parameters(rng):
 
 
 def smooth(rng):
-    """Neighbouring rows nearly alike, as on a motion."""
+    """Return rows that are similar to their neighbours, as on a motion."""
     phi = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, 200), 5)
     return phi, rng.uniform(0.5, 1.0) * np.ones(200), rng.uniform(0.05, 5.0, 6)
 
@@ -88,7 +88,7 @@ PROBLEMS = [
 
 
 def by_highs(phi, delta, half_widths, functional) -> float:
-    """The primal program, in units of the bounds."""
+    """Return the optimum of the primal program from HiGHS, in units of the bounds."""
     A = np.vstack([phi * half_widths / delta[:, None], np.eye(half_widths.size)]).T
     solution = linprog(
         np.ones(2 * A.shape[1]),
@@ -106,7 +106,7 @@ def worst_case(weights, phi, delta, half_widths, functionals) -> np.ndarray:
 
 
 def assert_right(result, phi, delta, half_widths, functionals):
-    """The two values beside the weights and the ν behind them, and beside HiGHS."""
+    """Check error and lower bound against the weights and ν, and against HiGHS."""
     error, floor, weights, dual = (
         np.asarray(x) for x in (result.error, result.lower_bound, result.weights, result.dual)
     )
@@ -117,7 +117,8 @@ def assert_right(result, phi, delta, half_widths, functionals):
     assert np.all(np.abs(phi @ dual.T) <= delta[:, None] * (1 + 1e-15))
     np.testing.assert_allclose(floor, np.sum(functionals * dual, axis=1), rtol=1e-8)
     assert np.all(error >= floor)
-    assert np.all(error <= np.abs(functionals) @ half_widths * (1 + 1e-13))  # the prior
+    # half-width of the prior box
+    assert np.all(error <= np.abs(functionals) @ half_widths * (1 + 1e-13))
     for i, functional in enumerate(functionals):
         expected = by_highs(phi, delta, half_widths, functional)
         np.testing.assert_allclose([error[i], floor[i]], expected, rtol=1e-6)
@@ -140,7 +141,7 @@ def test_highs_agrees_and_each_value_proves_the_other(problem, seed):
 
 @pytest.fixture(scope="module")
 def motor_problems(figures):
-    """Rows of the same number from every motion, those without a measure at its end."""
+    """Return rows of several motions, padded with rows of measure zero to one number."""
     sampled = eqx.filter_jit(lambda t: rows_of(motor.system(), *t.midpoints(10)))
     problems = {}
     for name in ("M_N30", "B_N30", "Fc_N30", "dbar_N30", "infinity_N30", "B_N40", "Fc_N60"):
@@ -172,9 +173,9 @@ def test_a_batch_of_motions_is_what_each_of_them_is(motor_problems):
 
 
 def test_exact_arithmetic_confirms_both_values():
-    """Rationals have no rounding: the weights are no worse and ν no less feasible than reported.
+    """With rational numbers the weights are no worse, and ν no less feasible, than reported.
 
-    Of each parameter, and of three of their combinations.
+    This is tested for each parameter and for three combinations.
     """
     rng = np.random.default_rng(5)
     for problem in (ordinary, nearly_collinear, loose_box, tight_box):
@@ -218,7 +219,7 @@ def test_the_worst_case_is_attained_and_no_other_exceeds_it(seed):
 
 @given(seeds)
 def test_no_weights_at_all_are_better_than_the_floor(seed):
-    """Weak duality: far away, near the optimum, and none."""
+    """Weak duality: weights near and far from the optimum, and zero weights, have larger errors."""
     rng = np.random.default_rng(seed)
     phi, delta, half_widths = ordinary(rng)
     result = minimax(rows_from(phi, delta), jnp.asarray(half_widths))
@@ -261,7 +262,7 @@ def test_padding_changes_nothing_and_leaves_no_nan():
         expected = by_highs(phi[:35], delta[:35], half_widths, np.eye(3)[i])
         np.testing.assert_allclose(result.error[i], expected, rtol=1e-9)
     np.testing.assert_array_equal(result.weights[:, 35:], 0.0)
-    # what else may stand in a row without a measure does not count either
+    # other values in a row of measure zero have no effect either
     loud = minimax(rows_from(phi, delta, counts), box)
     np.testing.assert_allclose(loud.error, result.error, rtol=1e-12)
     slopes = slopes_of_both_values(padded, box, jnp.eye(3))
@@ -270,9 +271,9 @@ def test_padding_changes_nothing_and_leaves_no_nan():
 
 @pytest.mark.parametrize("problem", [ordinary, loose_box, fewer_rows_than_parameters])
 def test_the_gradient_is_that_of_finite_differences(problem):
-    """In every argument at once, along random directions, on a ladder of steps.
+    """The gradient in all arguments agrees with central differences along random directions.
 
-    Between changes of the active rows the error is a smooth function.
+    The best of three steps counts. Between changes of the active rows the error is smooth.
     """
     rng = np.random.default_rng(11)
     phi, delta, half_widths = problem(rng)
@@ -323,7 +324,7 @@ def test_rows_that_cannot_be_bounded_are_refused():
 
 
 def test_what_is_not_a_number_proves_nothing():
-    """Where nothing can be refused, under a trace, a broken row must not look like a guarantee."""
+    """Traced values cannot be checked, so a row with NaN must not give a guarantee."""
     phi, delta, half_widths = ordinary(np.random.default_rng(0))
     phi[3, 1] = np.nan
     error, floor = both_values(rows_from(phi, delta), jnp.asarray(half_widths), jnp.eye(3))

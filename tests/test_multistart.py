@@ -29,7 +29,7 @@ PLAIN = SMALL._replace(generations=0)
 
 @pytest.mark.usefixtures("quick_compilation")
 def test_any_function_of_a_motion_can_be_designed_for(key):
-    """The highest point at 0.15 s, a linear program that HiGHS solves exactly."""
+    """The largest position at 0.15 s agrees with a linear program that HiGHS solves exactly."""
 
     def objective(trajectory: JerkTrajectory, smoothing):
         return -jnp.log(trajectory.states(jnp.array([0.15])).position[0] + 0.05)
@@ -57,7 +57,7 @@ def highest_at(knot: int) -> float:
 def test_a_small_search_comes_near_the_best_known_within_the_limits(key):
     system = motor.system()
     found = optimal_motion(TASK, LeastSquaresError(system, "Fc"), key, effort=SMALL)
-    # seeds 0 to 2 came within 1.5 to 4.6 % of the best known, without dwells within 1.5 to 6.7 %
+    # with seeds 0 to 2: 1.5 to 4.6 % above the best known J*, without dwells 1.5 to 6.7 %
     assert planned_error(system, found.trajectory)[2] < 1.05 * 0.2108
     assert worst_violation(TASK.limits, TASK.boundary, found.trajectory) <= 0
     assert found.history[-1] <= found.history[0]
@@ -74,9 +74,9 @@ def test_same_key_same_motion(key):
 @pytest.mark.usefixtures("quick_compilation")
 @pytest.mark.parametrize("norm", [individual(0, 4), individual(3, 4), infinity(jnp.ones(4))])
 def test_gradients_are_those_of_finite_differences(norm, key):
-    """The objective and its walls, within the limits and beyond, where the walls rule.
+    """Gradients of objective and penalties, within the limits and beyond, where penalties dominate.
 
-    On a ladder of steps, the best agrees to 1e-7 of |∇|: 7e-14 to 2e-8 was measured.
+    The best of four steps agrees to 1e-7 of |∇|; 7e-14 to 2e-8 was measured.
     """
     limits, boundary = motor.limits(), motor.boundary()
     space = motion_space(limits, boundary, 60, T)
@@ -100,7 +100,7 @@ def test_gradients_are_those_of_finite_differences(norm, key):
 
 
 def test_no_nan_at_rest():
-    """A motion at rest: every kink at once, and a singular P."""
+    """The motion starts and ends at rest, where all regressors have kinks."""
     space = motion_space(motor.limits(), motor.boundary(), 60, T)
     objective = PlannedError(motor.system(), individual(0, 4), 2.0, 5)
     inside = interior(motor.limits(), motor.boundary(), 60, T)
@@ -110,7 +110,7 @@ def test_no_nan_at_rest():
 
 
 def test_the_shipped_designs_are_as_good_as_they_claim(figures):
-    """J* at or below the paper, and within 1 % of the best known values at N = 30."""
+    """J* is at or below that of the paper, and at N = 30 within 1 % of the best known values."""
     from jaxid.io.files import read_table, read_trajectory
 
     best_known = {"M": 0.004694, "B": 0.182693, "Fc": 0.211324}
@@ -136,7 +136,7 @@ def test_the_shipped_designs_are_as_good_as_they_claim(figures):
 
 
 def test_the_shipped_designs_are_the_best_that_longer_searches_find(figures):
-    """`make crosscheck`: three searches agree, and the study is within 1 % of their best."""
+    """Three longer searches agree (`make crosscheck`), and the designs are within 1 % of them."""
     from jaxid.io.files import read_table
 
     searches = ("dwells_1", "dwells_2", "random")
@@ -144,17 +144,20 @@ def test_the_shipped_designs_are_the_best_that_longer_searches_find(figures):
     shipped = [row for row in read_table(figures / "table1.csv") if row["J_star"]]
     for row, own in zip(crosscheck, shipped, strict=True):
         assert (row["parameter"], row["N"]) == (own["parameter"], own["N"])
-        # or the crosscheck is of other designs; another compilation moves J by 1e-11
+        # the crosscheck is of these designs; another compilation changes J by 1e-11
         assert float(row["J_star"]) == pytest.approx(float(own["J_star"]), rel=1e-8)
         found = [float(row[name]) for name in searches]
-        # 0.6 % at B, N = 50, where one of the three found a better order of dwells than the others
+        # 0.6 % at B, N = 50, where one of the three searches found a better order of dwells
         agree = 1.005 if row["N"] in ("40", "60") else 1.01
         assert max(found) <= agree * min(found)
         assert float(own["J_star"]) <= 1.01 * min(found)
 
 
 def test_the_reported_quadrature_agrees_with_another_rule(figures, motion):
-    """Gauss-Legendre between all knots and the crossings of 0 and ±0.1 m/s, in NumPy."""
+    """J* agrees with Gauss-Legendre quadrature in NumPy.
+
+    Its intervals end at the knots and where the velocity crosses 0 and ±0.1 m/s.
+    """
     v = np.asarray(motion.knot_states().velocity)
     a = np.asarray(motion.knot_states().acceleration)
     j, edges = np.asarray(motion.jerk), []
@@ -198,7 +201,10 @@ def test_stages_get_harder():
 
 
 def test_a_motion_of_dwells_holds_its_speeds_within_the_limits():
-    """With padding, and a share of no time: the speeds, in order, and rest at the end."""
+    """The motion holds the given speeds in order and ends at rest.
+
+    There are padding and speeds with a share of zero.
+    """
     limits = motor.limits()
     space = motion_space(limits, motor.boundary(), 80, T, 100)
     speeds = jnp.array([0.1, 2.0, 2.0, -2.0, 0.5, -0.05, 0.0])

@@ -1,4 +1,4 @@
-"""The list of `make mutants`: its texts are in the files it names, and its tests are there."""
+"""The list of `make mutants`: its texts occur in their files, and its tests exist."""
 
 import ast
 from functools import cache
@@ -30,7 +30,7 @@ def test_every_text_occurs_once_and_every_test_exists():
 
 
 def test_a_text_that_is_not_there_once_is_refused():
-    """With the mutation, its file and how often."""
+    """The error names the mutation, its file, and how often the text occurs."""
     none = MUTATIONS[0]._replace(name="nothing halved", source="no such text")
     with pytest.raises(SystemExit, match=rf"“nothing halved” .* once in {none.file}, .* 0 times"):
         require_once(none)

@@ -1,4 +1,4 @@
-"""The log that is foreseen, against loops of NumPy and against a run."""
+"""The predicted nominal log against computations in NumPy and against a simulated run."""
 
 import equinox as eqx
 import jax
@@ -24,7 +24,7 @@ def motion(figures):
 
 
 def test_an_axis_that_follows_needs_the_input_of_the_middle_of_the_box(motion):
-    """From the knots on by Taylor's formula, tick by tick."""
+    """Position and input at some samples agree with a Taylor expansion from the knot before."""
     log = nominal_log(motor.system(), motion, SERVO)
     knots, theta = motion.knot_states(), np.asarray(motor.system().centre)
     for k in range(0, 3000, 97):
@@ -46,7 +46,7 @@ def test_a_controlled_one_leaves_what_a_run_leaves(motion):
     plant = Plant(system, system.centre, NoDisturbance())
     signals = run(plant, motor.controller(), SERVO, motion, sensor=IdealSensor()).signals
     log = nominal_log(system, motion, SERVO, motor.controller())
-    # compiled together with the rest of a log it differs in last bits, which a loop keeps small
+    # the two compilations differ in the last bits, and the loop keeps the difference small
     np.testing.assert_allclose(log.position, signals.position, atol=1e-12)
     np.testing.assert_allclose(log.input, signals.input, atol=1e-8)
     assert float(log.resolution) == SERVO.resolution
@@ -58,12 +58,13 @@ def test_a_controlled_one_leaves_what_a_run_leaves(motion):
     ids=["following", "controlled"],
 )
 def test_the_states_half_way_are_those_between_the_positions(motion, controller, tolerance):
-    """Mean velocity and, from it, acceleration.
+    """States in the middle of a sample agree with differences of the positions.
 
-    In one tick in which friction turns, the mean of the ends is 2e-4 m/s off the mean velocity. A
-    second difference of positions is that of the two states half-way, but for a knot of the jerk
-    or a turn of friction in between: 4e-9 and 3e-4 m/s² in 98 % of all ticks. A turn is a step of
-    2·F_c/M, 3.8 m/s² in the middle of the box, of which the mean of both states takes half.
+    The velocity agrees with the mean velocity to 2e-4 m/s, which occurs where friction changes its
+    sign. A second difference of positions is the mean acceleration of two samples, to 4e-9 (or 3e-4
+    with the controller) m/s² in 98 % of all samples. The others have a jump of the jerk or a sign
+    change of friction, a step of 2·F_c/M = 3.8 m/s² at the centre of the box, of which half appears
+    in the mean.
     """
     log, states = nominal_log_model(motor.system(), motion, SERVO, controller)(motion)
     h = SERVO.period
@@ -119,7 +120,7 @@ def test_a_period_that_no_log_of_the_motion_has_is_refused(motion, period, sente
 
 
 def test_a_log_is_what_the_servo_reads_of_a_run(motion):
-    """Positions to the nearest count, inputs as they act; exact without a resolution."""
+    """Positions are rounded to the nearest count, or exact without a resolution."""
     servo, exact = Servo(SERVO.period, 1e-5, delay=1, jitter=1e-5), Servo(SERVO.period, delay=1)
     plant = Plant(motor.system(), motor.TRUE_PARAMETERS, NoDisturbance())
     _, signals, log = run(plant, motor.controller(), servo, motion, substeps=2)
@@ -130,5 +131,5 @@ def test_a_log_is_what_the_servo_reads_of_a_run(motion):
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
     assert (float(log.resolution), float(log.jitter)) == (1e-5, 1e-5)
     np.testing.assert_array_equal(exact.log(signals).position, read)
-    # a command acts one period later: until then the axis is held by the first one
+    # a command acts one sample period later; until then the first input acts
     assert float(signals.input[0]) == float(signals.input[1])

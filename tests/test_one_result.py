@@ -1,4 +1,4 @@
-"""What the command writes is one thing: killed or run twice at once, it leaves one whole result."""
+"""Results of the command are whole, even if a run is killed or two runs write at once."""
 
 import inspect
 import json
@@ -27,13 +27,14 @@ from jaxid.io.manifest import manifest_in
 from jaxid.io.setpoints import read_setpoints
 from jaxid.motion.feasibility import interior
 
-DURATIONS = (0.6, 0.5)  # s, of the old motion and of the new one
-CALLS = ("replace", "rename", "link", "mkdir", "unlink", "rmdir", "fsync")  # that change a folder
+DURATIONS = (0.6, 0.5)  # s: old and new motion
+# calls that change a folder
+CALLS = ("replace", "rename", "link", "mkdir", "unlink", "rmdir", "fsync")
 
 
 @pytest.fixture(scope="module")
 def designs(tmp_path_factory):
-    """Two motions of an axis, by their duration; what they are worth is made up."""
+    """Return the axis file and two motions by duration, with invented predicted errors."""
     path = tmp_path_factory.mktemp("axis") / "axis.toml"
     path.write_text(example("linear"))
     axis, found = read_axis(path), {}
@@ -47,13 +48,13 @@ def designs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def made(designs):
-    """The files of both, made once."""
+    """Return the files of both designs, made once."""
     return {duration: DesignResult(one).files() for duration, one in designs[1].items()}
 
 
 @pytest.fixture
 def designed(designs, made, monkeypatch, tmp_path):
-    """Runs jaxid design --force, which takes no time; the folder that it writes."""
+    """Return a function that runs `jaxid design --force` without a search, and its folder."""
     path, found = designs
     monkeypatch.setattr(commands, "design_axis", lambda axis, *_: found[_duration(axis)])
     monkeypatch.setattr(DesignResult, "files", lambda one: made[_duration(one.axis)])
@@ -72,11 +73,11 @@ def _duration(axis):
 
 
 class Killed(BaseException):
-    """Nothing that a program does to tidy up can be done after it."""
+    """An exception that no clean-up code of the program catches."""
 
 
 def kill_at(monkeypatch, moment):
-    """From this change of the file system on, nothing is changed any more."""
+    """Let every change of the file system after the given number of changes raise `Killed`."""
     count = 0
     for name in CALLS:
 
@@ -91,7 +92,7 @@ def kill_at(monkeypatch, moment):
 
 
 def test_a_replaced_design_is_the_old_or_the_new_one(designed, monkeypatch):
-    """Not the motion of one, the set-points of the other, and numbers of whichever."""
+    """After a kill at any moment, motion, set-points and numbers belong to one design."""
     run, out = designed
     left = []
     for moment in range(100):
@@ -124,7 +125,7 @@ def test_a_new_design_takes_what_was_simulated_of_the_old_one_with_it(designs, d
     (out / "notes.txt").write_text("mine")
     cli.main(["simulate", str(path), str(out), "--plants", "1", "--logs", "1"])
     assert (out / "simulation.json").exists()
-    run(DURATIONS[0])  # the same motion again
+    run(DURATIONS[0])  # the same motion again: the simulation stays valid
     assert set(manifest_in(out).parts) == {"design", "simulate"}
     run(DURATIONS[1])
     assert set(manifest_in(out).parts) == {"design"}
@@ -134,7 +135,7 @@ def test_a_new_design_takes_what_was_simulated_of_the_old_one_with_it(designs, d
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory):
-    """A short log of the motor at rest, and what it says."""
+    """Return a folder with a short log of the motor at rest, and `identify_axis` with a cache."""
     folder = tmp_path_factory.mktemp("log")
     (folder / "axis.toml").write_text(example("linear"))
     time = motor.CONTROL_PERIOD * np.arange(200)
@@ -153,7 +154,10 @@ def identified(tmp_path_factory):
 
 @pytest.mark.usefixtures("quick_compilation")
 def test_of_two_logs_for_one_folder_one_is_kept_and_told(identified, monkeypatch, tmp_path, capsys):
-    """The second begins while the first reads its log, and ends before it."""
+    """A second run starts while the first reads its log, and ends before it.
+
+    The first is refused.
+    """
     folder, once = identified
     arguments = ["identify", str(folder / "axis.toml"), str(folder / "log.csv")]
     arguments += ["--out", str(tmp_path / "run")]
@@ -170,7 +174,8 @@ def test_of_two_logs_for_one_folder_one_is_kept_and_told(identified, monkeypatch
     assert stopped.value.code == 1
     said = capsys.readouterr()
     assert re.search(r"run/result.json, .* already exist; .*another run finished first", said.err)
-    assert said.out.count("hold provided that:") == 2  # what took long is told all the same
+    # both results are printed, because they may have taken long
+    assert said.out.count("hold provided that:") == 2
     assert said.out.count("Wrote to") == 1
     monkeypatch.setattr(commands, "identify_axis", once)
     cli.main([*arguments, "--force"])
@@ -197,7 +202,7 @@ def test_a_manifest_says_what_was_typed_and_read(identified, monkeypatch, tmp_pa
 
 
 def test_the_files_are_what_their_structures_say(designs, identified, tmp_path):
-    """Key by key; a table, too. Every key is explained."""
+    """The keys of each file are the fields of its structure, and each field has a description."""
     _, found = designs
     folder, once = identified
     design = DesignResult(found[0.6])

@@ -1,4 +1,4 @@
-"""What only fills arrays up, so that they have one shape, changes no number of any function."""
+"""Padding, which gives arrays one shape, changes no result of any function."""
 
 import equinox as eqx
 import jax
@@ -31,17 +31,17 @@ from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.minimax import minimax
 from jaxid.regression.worst_case import infinity
 
-H, T = 1e-3, 0.01  # s; knots
+H, T = 1e-3, 0.01  # s: sample period, knot period
 SYSTEM = motor.system()
 NORM = infinity(SYSTEM.half_widths)
 MOTION = uniform(
     jnp.zeros(3), jnp.array([900.0, -900.0, -900.0, 900.0, 0.0, -900.0, 900.0, 900.0, -900.0]), T
 )
-TICKS, MOST = ticks(MOTION, H), 130  # of it, and of another motion that is longer
+TICKS, MOST = ticks(MOTION, H), 130  # number of samples of this motion, and of a longer one
 
 
 def stuffed(motion: JerkTrajectory, places: list[int], jerk: float) -> JerkTrajectory:
-    """The motion with intervals of no duration put in at some places."""
+    """Return the motion with intervals of zero duration inserted at some places."""
     return JerkTrajectory(
         motion.start,
         jnp.asarray(np.insert(np.asarray(motion.jerk), places, jerk)),
@@ -50,7 +50,8 @@ def stuffed(motion: JerkTrajectory, places: list[int], jerk: float) -> JerkTraje
 
 
 PADDED = {
-    "at the end": stuffed(MOTION, [9] * 6, 0.0),  # as many as in the others: one compilation
+    # as many as in the others, for a single compilation
+    "at the end": stuffed(MOTION, [9] * 6, 0.0),
     "everywhere": stuffed(MOTION, [0, 0, 4, 9, 9, 9], 0.0),
     "with a jerk": stuffed(MOTION, [0, 0, 4, 9, 9, 9], 1500.0),
 }
@@ -78,7 +79,7 @@ def through(most: int, sensor) -> ThroughLoop:
 
 @eqx.filter_jit
 def value_and_slope(criterion, motion, smoothing):
-    """With the slope over the jerk."""
+    """Return the criterion and its gradient by the jerk."""
     return jax.value_and_grad(
         lambda jerk: criterion(eqx.tree_at(lambda t: t.jerk, motion, jerk), smoothing)
     )(motion.jerk)
@@ -87,9 +88,10 @@ def value_and_slope(criterion, motion, smoothing):
 @pytest.mark.parametrize("smoothing", [0.0, 1e-3])
 @pytest.mark.parametrize("name", CRITERIA)
 def test_a_criterion_is_that_of_the_motion_alone(name, smoothing, quick_compilation):
-    """With padding, and where there is room for the ticks of a longer motion."""
+    """Padding, and arrays for a longer motion, change neither value nor gradient."""
     slope = name != "loop with an encoder"
-    slope = slope and smoothing > 0  # else there are kinks, and this motion rests at some
+    # without smoothing there are kinks, and this motion rests at some
+    slope = slope and smoothing > 0
     of = value_and_slope if slope else eqx.filter_jit(lambda c, *rest: (c(*rest), jnp.zeros(1)))
     value, gradient = of(CRITERIA[name](TICKS), MOTION, jnp.asarray(smoothing))
     for motion in PADDED.values():
@@ -101,7 +103,7 @@ def test_a_criterion_is_that_of_the_motion_alone(name, smoothing, quick_compilat
 
 
 def close(one, other, rtol=1e-9):
-    """All numbers of two trees, to rounding."""
+    """Require that all arrays of two trees are equal up to rounding."""
     for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
         a, b = np.asarray(a), np.asarray(b)
         np.testing.assert_allclose(a, b, rtol=rtol, atol=rtol * np.max(np.abs(b)))
@@ -109,18 +111,18 @@ def close(one, other, rtol=1e-9):
 
 @pytest.fixture(scope="module")
 def alone():
-    """The closed loop of the motion alone, seen by an encoder."""
+    """Run the unpadded motion in closed loop with an encoder."""
     return loop(TICKS, Encoder(1e-6))(motor.plant(), MOTION)
 
 
 @pytest.fixture(scope="module", params=["everywhere", "with a jerk"])
 def among_longer(request):
-    """Padded, and in a closed loop that has room for a longer one."""
+    """Run the padded motion in a closed loop with arrays for a longer motion."""
     return loop(MOST, Encoder(1e-6))(motor.plant(), PADDED[request.param])
 
 
 def test_ticks_of_a_motion_are_those_that_begin_within_it():
-    """Against a list that is written out, for one motion in room for others."""
+    """Counts and arrays are compared with explicit lists."""
     found = Ticks.of(jnp.asarray(0.003), 1e-3, 5, repeats=2)
     assert (int(found.count), int(found.total)) == (3, 6)
     assert found.counted.tolist() == [True] * 6 + [False] * 4
@@ -157,7 +159,7 @@ def test_signals_stay_what_they_were_in_the_last_tick(alone, among_longer):
 
 
 def test_what_its_log_proves_is_the_same(alone, among_longer, quick_compilation):
-    """State bounds, intervals and the feasible set, of the log filled up in two ways."""
+    """State bounds, intervals and the feasible parameter set, for a log padded in two ways."""
     servo = Servo(H, 1e-6)
     log, longer = (servo.log(signals) for _, signals in (alone, among_longer))
     assert bool(jnp.all(log.counted))
@@ -205,7 +207,7 @@ def test_envelopes_of_plants_and_tubes_are_the_same(name, quick_compilation):
 
 @eqx.filter_jit
 def numbers_of_the_plan(motion):
-    """Of the motion itself, without an axis."""
+    """Return numbers that depend on the motion only, without an axis."""
     limits, boundary = motor.limits(), motor.boundary()
     sides = violations(limits, boundary, motion)
     return {
@@ -217,7 +219,7 @@ def numbers_of_the_plan(motion):
     }
 
 
-# below zero jerk everywhere: an entry without jerk would be the highest one
+# negative jerk everywhere: padding with zero jerk would be the largest entry
 ONE_SIDED = uniform(jnp.zeros(3), jnp.array([-900.0, -300.0, -900.0, -30.0] * 2 + [-9.0]), T)
 
 
@@ -241,7 +243,7 @@ LONGER = uniform(jnp.zeros(3), jnp.zeros(MOST // 10), T)
 
 @pytest.mark.parametrize("controller", [None, motor.controller()], ids=["exact", "loop"])
 def test_a_nominal_log_is_the_same(controller, quick_compilation):
-    """Of the padded motion itself, and by a model that is made for longer ones."""
+    """The log of the padded motion, and that of a model made for longer motions."""
     servo = Servo(H, 1e-6)
     log = nominal_log(SYSTEM, MOTION, servo, controller)
     model = eqx.filter_jit(nominal_log_model(SYSTEM, LONGER, servo, controller))

@@ -1,4 +1,4 @@
-"""The pages that people read: what they name exists, and what they tell to type can be typed."""
+"""The pages of documentation: files that they name exist, and their commands can be parsed."""
 
 import functools
 import re
@@ -60,7 +60,7 @@ def test_every_link_of_a_page_leads_somewhere():
 
 
 def test_the_commands_of_readme_and_guide_can_be_typed(monkeypatch):
-    """Their words mean something; what they then do is tested command by command."""
+    """Every command line is parsed and calls its function. Other tests run these functions."""
     called = []
     for name in COMMAND_NAMES:
         function = getattr(cli, name)

@@ -1,4 +1,4 @@
-"""From home to the start of a motion: gently, exactly, and never beyond either end."""
+"""The approach from home to the start: exact, at half of the limits, without overshoot."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ ends = st.tuples(st.floats(0.1, 10.0), st.floats(0.1, 10.0)).map(lambda x: (-x[0
 
 
 def integrated(start, jerk, period):
-    """Knot states by a NumPy loop, and between the knots at a tenth of the period."""
+    """Return the states by a NumPy loop with ten steps per interval."""
     y, v, a, h = start, 0.0, 0.0, period / 10
     states = [(y, v, a)]
     for j in np.repeat(jerk, 10):
@@ -44,11 +44,14 @@ def test_an_approach_is_gentle_and_stays_on_its_way(
 
 
 def test_no_shorter_one_is_as_gentle():
-    """By the three least times that half of one limit alone leaves, and by the exact extrema."""
+    """The duration is at most five intervals above the optimum in continuous time.
+
+    The exact extrema keep all limits.
+    """
     limits, period = motor.limits(), 0.001
     found = approach(limits, 0.35, 0.0, period)
     assert worst_violation(limits, Boundary((0.35, 0.0, 0.0), ()), found) < 0
-    # way / v + v / a + a / j in continuous time, at 1 m/s, 22.2 m/s² and 500 m/s³
+    # optimum: distance / v + v / a + a / j, at 1 m/s, 22.2 m/s² and 500 m/s³
     a = float(limits.acceleration[1]) / 2
     assert 0 <= float(found.duration) - (0.35 / 1.0 + 1.0 / a + a / 500) < 5 * period
 

@@ -1,4 +1,4 @@
-"""What a motion can be expected to guarantee, as something to minimise."""
+"""The predicted error of a motion as an objective: values, gradients and designs."""
 
 import equinox as eqx
 import jax
@@ -57,13 +57,13 @@ def expected(trajectory, law=None):
 
 @LAWS
 def test_its_errors_are_those_that_the_log_of_the_motion_would_prove(start, law):
-    """To 0.3 %: its knots are fewer."""
+    """The errors agree to 0.3 % with those of the nominal log, which have more knots."""
     found = made(start, law).errors(start, jnp.zeros(()))
     np.testing.assert_allclose(found, expected(start, law), rtol=3e-3)
 
 
 def test_without_smoothing_they_are_exactly_those(objective, start):
-    """With the same knots; 3.4e-6 is left where several weights are best for the program."""
+    """With the same knots the errors agree to 3.4e-6, where several weights are optimal."""
     system = motor.system()
     proved = guaranteed_intervals(system, [nominal_log(system, start, SERVO)], 100).estimate.bound
     np.testing.assert_allclose(objective.errors(start, jnp.zeros(())), proved, rtol=1e-5)
@@ -81,9 +81,10 @@ def test_it_is_the_largest_relative_error_or_their_sum(objective, start):
     ("law", "largest"), [(None, True), (None, False), (motor.controller(), True)]
 )
 def test_its_slope_is_that_of_the_least_error(start, key, law, largest):
-    """By finite differences along random jerks; the weights are optimal anew at each end.
+    """The gradient agrees with finite differences, with weights optimised again at each end.
 
-    Measured: 6e-4 of the slope's size, from the widths of the brackets, which it holds fixed.
+    The measured difference is 6e-4 of the gradient. It comes from the widths of the state ranges,
+    which the gradient holds fixed.
     """
     smoothing, objective = jnp.asarray(0.001), made(start, law, largest)
 
@@ -102,7 +103,7 @@ def test_its_slope_is_that_of_the_least_error(start, key, law, largest):
 @LAWS
 @pytest.mark.parametrize("smoothing", [0.0, 0.003])
 def test_in_stages_it_has_the_same_value_and_slope_as_in_one_traced_function(start, law, smoothing):
-    """The linear programs may choose other weights of the same error: 3e-6 was seen."""
+    """The linear programs may choose other optimal weights, which differ by 3e-6 in the error."""
     objective, at = made(start, law), jnp.asarray(smoothing)
     traced = jax.value_and_grad(lambda j: objective(eqx.tree_at(lambda t: t.jerk, start, j), at))
     value, slope = traced(start.jerk)
@@ -121,7 +122,7 @@ def test_a_polish_for_it_improves_what_the_log_would_prove(start, law):
 
 
 def test_of_several_starts_the_one_is_kept_that_becomes_the_best(figures, monkeypatch, key):
-    """Searches that find what is in the files, instead of searching."""
+    """The searches are replaced by motions from the committed files."""
     files = iter(["dbar", "infinity", "Fc"])
 
     def found(*arguments, **options):
@@ -158,7 +159,10 @@ def test_a_parameter_without_a_target_does_not_count(start):
 
 
 def test_what_may_be_off_its_velocity_counts_with_the_larger_of_the_bounds(start):
-    """No error is smaller with it; where the motion dwells at the threshold of δ, one is larger."""
+    """With a velocity error no predicted error is smaller.
+
+    One is larger, because the motion dwells at the threshold of δ.
+    """
     bare, cautious = (
         criterion(FLOOR, error).near(TASK, start).errors(start, jnp.zeros(()))
         for error in (0.0, motor.VELOCITY_ERROR)
@@ -168,7 +172,7 @@ def test_what_may_be_off_its_velocity_counts_with_the_larger_of_the_bounds(start
 
 
 def test_a_design_that_does_not_gain_returns_its_start(start):
-    """A motion that has been refined to its end, and one refinement of it without programs."""
+    """A refinement with zero programs returns the start, without its padding."""
     padded = eqx.tree_at(
         lambda t: (t.jerk, t.durations),
         start,
@@ -210,7 +214,7 @@ def test_no_search_at_all_is_refused(key):
 
 
 def test_any_criterion_improves_a_given_motion_and_never_makes_it_worse(start):
-    """One call for all: a function of the motion, and least squares, from the same start."""
+    """`optimal_motion` accepts a criterion and a function of the motion, from the same start."""
     quick = Effort(newton_rounds=1, newton_steps=2, programs=2)
     squares = LeastSquaresError(motor.system(), "B")
     for own in (squares, squares.near(TASK, start)):

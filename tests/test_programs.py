@@ -1,4 +1,4 @@
-"""Every program runs, at toy size; every Python block of the README runs as it stands."""
+"""Every program runs at reduced size, and every Python block of the README runs unchanged."""
 
 import os
 import re
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parent.parent
 def run(arguments: list[str], folder: Path) -> str:
     # no display and no home directory
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "HOME")}
-    # what runs once is compiled longer than it runs
+    # code that runs once takes longer to compile than to run
     environment |= {"PYTHONPATH": str(ROOT), "JAX_DISABLE_MOST_OPTIMIZATIONS": "1"}
     result = subprocess.run(
         [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True
@@ -30,7 +30,7 @@ def run(arguments: list[str], folder: Path) -> str:
 
 
 def test_the_motor_programs_run_and_redrawing_changes_no_byte(tmp_path):
-    """All in one process, so that only the first search is compiled."""
+    """All run in one process, so that only the first search is compiled."""
     program = f"""
 from pathlib import Path
 from experiments.beyond import crosscheck
@@ -81,10 +81,10 @@ def test_the_comparison_with_ipopt_runs_and_leaves_its_table_alone(tmp_path):
 
 
 def test_the_programs_that_keep_the_limits_of_the_axis(tmp_path):
-    """Robust and end-to-end designs, in one process because they share compilations.
+    """Robust and end-to-end designs run in one process, because they share compilations.
 
-    The motion with a proved tube keeps its limits even after hardly any search. Later stages of a
-    case are no worse, and what is lost of their archive is found again.
+    The motion with a proved tube keeps its limits even after a very short search. Later stages of a
+    case are no worse than earlier ones, and rows removed from the archive are found again.
     """
     program = f"""
 from pathlib import Path
@@ -122,7 +122,7 @@ assert {{path.name: path.read_bytes() for path in out.iterdir() if path != archi
     designs = read_table(tmp_path / "toy_endtoend.csv")
     assert len(designs) == 15
     two = [row["jerk_m_s3"] for row in designs if row["design"] == "two_stage"]
-    assert len(set(two)) == 2  # one for both filters, and one at 7 V
+    assert len(set(two)) == 2  # one motion for both filters, and one at 7 V
     assert all(float(row["beyond"]) <= 0 for row in designs if row["design"] != "by_18")
     for w, setting in (("50", "study"), ("100", "study"), ("1000", "7 V")):
         case = [row for row in designs if (row["w_rad_s"], row["setting"]) == (w, setting)]
@@ -134,7 +134,7 @@ assert {{path.name: path.read_bytes() for path in out.iterdir() if path != archi
 
 
 def test_a_stage_is_represented_by_the_best_motion_for_its_objective():
-    """The search for J_f found a smaller J* than the one for J*: no gain of the filter."""
+    """If the search for J_f finds a smaller J* than the search for J*, the filter gains nothing."""
     columns = ("J_star", "J_aware", "J_f", "J_f_worst", "beyond")
     values = {
         "by_18": (0.9, 0.9, 0.9, 0.9, 0.1),
@@ -164,7 +164,7 @@ def test_a_design_without_a_number_or_beyond_its_limits_is_no_stage(column, valu
 
 
 def test_searches_do_not_depend_on_the_number_of_processes(tmp_path):
-    """Which chain goes on with which cell; the motions here are proved not to exist."""
+    """One and two processes return the same results for all cells. All cells are infeasible."""
     program = """
 from experiments.paper.designs import TOY, Cell, search
 from jaxid.runtime import configure
@@ -209,7 +209,7 @@ OPTIONS = {
 
 
 def test_every_program_explains_its_options():
-    """All in one process, because importing takes seconds."""
+    """All run in one process, because imports take seconds."""
     program = """
 import runpy, sys
 for name in sys.argv[1:]:

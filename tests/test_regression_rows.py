@@ -1,4 +1,4 @@
-"""Rows of a log term by term: the worst that a log hides, which is just what the bound counts."""
+"""Regression rows of a log: every term of their bound is attained by a worst case, not exceeded."""
 
 import itertools
 
@@ -33,9 +33,9 @@ SYSTEM = System(
     ),
     SpeedBand(0.6, 0.2, 0.1),
 )
-# two rows of readings, each the most wrong: by a half count, or twice as much
+# two worst-case patterns of the signs of reading errors
 TURNS = {1: np.tile([1.0, -1.0], N)[: N + 1], 2: np.tile([1.0, 1.0, -1.0, -1.0], N)[: N + 1]}
-# the rows, the channel, its parameter and column, and how readings must alternate
+# rows, channel, index of parameter and column, worst-case pattern of the readings
 READINGS = [
     (hats, "quantised ÿ", 0, 1),
     (hats, "quantised ẏ of b", 1, 2),
@@ -56,7 +56,7 @@ def log_of(position, **more):
 
 @pytest.mark.parametrize(("rows", "name", "column", "turns"), READINGS)
 def test_wrong_readings_move_a_column_by_what_its_channel_says(rows, name, column, turns):
-    """At most, and the worst ones by all of it."""
+    """The bound of the channel holds for random reading errors, and the worst case attains it."""
     wrong, most = 1e-3, float(np.max(np.abs(SYSTEM.terms[column].interval)))
     counted = []
     for signs in (TURNS[turns], *np.random.default_rng(0).choice([-1.0, 1.0], (20, N + 1))):
@@ -74,7 +74,7 @@ SPEEDS, PLACES = (0.05, 0.3), (-0.4, 0.7)  # on both sides of the jump of δ
 
 @pytest.mark.parametrize("rows", [hats, boxes])
 def test_brackets_and_delta_count_for_as_much_as_they_can_hide(rows):
-    """Of a log of readings at zero: forces at the ends of their brackets, θ and Δ at theirs."""
+    """δ of a row is the largest effect of regressors at the ends of their ranges, of θ and of Δ."""
     found = rows(SYSTEM, log_of(np.zeros(N + 1)), brackets(PLACES, SPEEDS))
     system, (*_, friction, gravity) = SYSTEM, found.record.rows.columns
     worst = 0.0
@@ -91,7 +91,7 @@ def test_brackets_and_delta_count_for_as_much_as_they_can_hide(rows):
 
 @pytest.mark.parametrize("rows", [hats, boxes])
 def test_inputs_that_are_not_held_as_commanded_are_part_of_delta(rows):
-    """Every change of the input counts at either end of its tick for as long as the jitter."""
+    """At both ends of a period, the step of the input times jitter / period is added to δ."""
     u = jnp.asarray(np.random.default_rng(0).normal(size=N))
     still, jitter = brackets(), 0.1 * H
     exact, late = (
@@ -105,7 +105,7 @@ def test_inputs_that_are_not_held_as_commanded_are_part_of_delta(rows):
 
 
 def any_rows(seed):
-    """Rows, weights and a functional of no meaning, and two channels of errors in common."""
+    """Return random rows with two channels of shared errors, two matrices, and the generator."""
     random = np.random.default_rng(seed)
     columns = tuple(jnp.asarray(x) for x in random.normal(size=(4, N)))
     rows = Rows(columns, jnp.asarray(random.uniform(0.1, 1.0, N)), jnp.ones(N))
@@ -122,7 +122,7 @@ def any_rows(seed):
 
 
 def disturbed(logged, weights, signs, theta, size=1.0):
-    """The rows with the input of a θ under the worst Δ and shared errors for some weights."""
+    """Return the rows with the input of θ, worst-case Δ and shared errors for some weights."""
     rows = logged.record.rows
     u = np.asarray(rows.regressors) @ theta + size * signs * rows.delta * np.sign(weights)
     for channel in logged.channels.values():
@@ -133,7 +133,7 @@ def disturbed(logged, weights, signs, theta, size=1.0):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_bound_of_any_weights_is_reached_by_the_worst_of_everything(seed):
-    """Disturbance, shared errors and a corner of the box at once; and by no other corner."""
+    """Worst-case Δ, shared errors and corner of the box attain the bound; no corner exceeds it."""
     logged, weights, _, _ = any_rows(seed)
     weights = jnp.asarray(0.1 * weights)
     rest = np.eye(4) - weights @ logged.record.rows.regressors
@@ -150,7 +150,10 @@ def test_the_bound_of_any_weights_is_reached_by_the_worst_of_everything(seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_upper_end_of_any_weights_is_reached_by_the_worst_of_everything(seed):
-    """For small weights, whose ends are not those of the box; and what δ has in it."""
+    """The weights are small, so that the upper ends differ from those of the box.
+
+    The part due to δ is Σ|g|δ.
+    """
     logged, weights, _, random = any_rows(seed)
     phi = np.asarray(logged.record.rows.regressors)
     centre, half = np.asarray(SYSTEM.centre), np.asarray(SYSTEM.half_widths)
@@ -160,7 +163,7 @@ def test_the_upper_end_of_any_weights_is_reached_by_the_worst_of_everything(seed
         u = np.asarray(disturbed(logged, g, -1.0, theta).record.input)
         arguments = (jnp.asarray(x) for x in (g[None], u - phi @ centre, c[None]))
         end, of_delta = upper_ends(logged, *arguments)
-        # an end of the box is computed from its centre, and may miss it by a last bit
+        # centre ± half-width may differ from an end of the box in the last bit
         beyond, size = float(end[0]) - float(c @ theta), float(np.abs(c) @ half)
         assert -1e-15 <= beyond <= 1e-7 * size
         assert float(end[0]) <= c @ centre + size + 1e-15

@@ -1,4 +1,4 @@
-"""Residuals beside their bounds: of a consistent log none exceeds its bound."""
+"""Residuals and their bounds: in a consistent log no residual exceeds its bound."""
 
 import jax
 import jax.numpy as jnp
@@ -37,14 +37,14 @@ def test_no_residual_of_a_consistent_log_exceeds_its_bound(motion, key, disturba
     logs = [log_of(motion, theta, disturbance), log_of(motion, theta, NoDisturbance())]
     found = residuals(SYSTEM, logs)
     assert np.max(np.abs(found.ratio)) <= 1
-    # the true parameters, too, and no other θ of the box is better
+    # the θ of the residuals is in the prior box
     assert np.all((found.theta >= SYSTEM.lower) & (found.theta <= SYSTEM.upper))
     assert found.time.size == found.residual.size > 100
     assert np.all(np.diff(found.time) > 0)
 
 
 def test_the_bound_is_that_of_the_weights_of_a_mean(motion):
-    """Second truth: dense weights of one mean, and the worst error as the library has it."""
+    """Residual and bound agree with dense weights of one mean, and their worst-case error."""
     log = log_of(motion, SYSTEM.centre, AgainstTracking(10.0))
     found = residuals(SYSTEM, [log])
     rows = hats(SYSTEM, log, state_bounds(SYSTEM, log))

@@ -1,4 +1,4 @@
-"""A folder of results: what it says of itself, what stays in it, and what is refused."""
+"""A folder of results: its manifest, the files that it keeps, and what is refused."""
 
 import hashlib
 import json
@@ -58,7 +58,7 @@ def test_what_rests_on_a_result_goes_with_it(tmp_path):
     write_result(folder, "identify", PART, {"result.json": b"{}"})
     with pytest.raises(ValueError, match=r"slide/simulation.json already exist; .*finished first"):
         write_result(folder, "design", PART, NEW)
-    write_result(folder, "design", PART, OLD, replace=True)  # the same again
+    write_result(folder, "design", PART, OLD, replace=True)  # the same result again
     assert (folder / "simulation.json").exists()
     write_result(folder, "design", PART, NEW, replace=True)
     assert sorted(os.listdir(folder)) == sorted([*NAMES, "manifest.json", "result.json"])
@@ -99,7 +99,8 @@ def test_a_folder_of_somebody_else_is_asked_for(tmp_path, monkeypatch):
     folder = tmp_path / "photos"
     folder.mkdir()
     write_result(folder / "run", "identify", PART, OLD)
-    require_writable(folder, NAMES, replace=False)  # a result below it is none of somebody else
+    # a result in a subfolder does not count as a user's file
+    require_writable(folder, NAMES, replace=False)
     for k in range(7):
         (folder / f"{k}.jpg").write_text("mine")
     said = r"photos has files that jaxid did not write \(0.jpg, 1.jpg, 2.jpg, 3.jpg, 4.jpg, …\)"
@@ -109,7 +110,8 @@ def test_a_folder_of_somebody_else_is_asked_for(tmp_path, monkeypatch):
         write_result(folder, "design", PART, NEW)
     write_result(folder, "design", PART, NEW, replace=True)
     assert (folder / "6.jpg").read_text() == "mine"
-    require_writable(folder, ["sweep.nc"], replace=False)  # now it is one of both
+    # the folder now contains a result, and the files of the user
+    require_writable(folder, ["sweep.nc"], replace=False)
     with pytest.raises(ValueError, match=r"0.jpg must be a folder, or the name of a new one"):
         require_writable(folder / "0.jpg", NAMES, replace=True)
     monkeypatch.chdir(folder / "run")
@@ -123,7 +125,7 @@ def test_a_folder_of_somebody_else_is_asked_for(tmp_path, monkeypatch):
 
 
 def test_what_a_user_keeps_under_a_name_of_ours_is_not_replaced(tmp_path):
-    """Not even with permission: a manifest of another program, a folder named like a file."""
+    """A manifest of another program, or a folder named like a file, is never replaced."""
     (tmp_path / "app").mkdir()
     (tmp_path / "app" / "manifest.json").write_text('{"name": "my web app"}')
     (tmp_path / "odd" / "run.csv").mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""What a program switches on: the folder of compiled code, and nothing on import."""
+"""Settings of a program: the cache of compiled code, and no change on import."""
 
 import os
 import stat
@@ -27,7 +27,7 @@ print(value.tolist(), sum("cache_hits" in name for name in hits) > 0)
 
 
 def run(**variables):
-    """What it computes, and whether any of it was read. A warning would end it."""
+    """Return the printed value, and whether the cache was used. Warnings are errors."""
     program = ("-W", "error::UserWarning", "-c", PROGRAM)
     (printed,) = finish(start(*program, JAX_COMPILATION_CACHE_DIR="", **variables))
     return printed.strip().rpartition(" ")[::2]
@@ -46,7 +46,10 @@ def test_a_second_process_reads_what_the_first_has_compiled(tmp_path):
 
 
 def test_what_is_written_in_part_is_compiled_again(tmp_path):
-    """By another process, at the moment; an entry that stays empty is written again."""
+    """An incomplete entry is ignored: another process may be writing it.
+
+    An empty one is replaced.
+    """
     first, _ = run(XDG_CACHE_HOME=tmp_path)
     kept = list((tmp_path / "jaxid").rglob("*-cache"))
     assert kept
@@ -60,7 +63,7 @@ def test_what_is_written_in_part_is_compiled_again(tmp_path):
 
 
 def test_each_number_of_threads_has_its_folder(tmp_path, monkeypatch):
-    """XLA cuts long loops by it, which JAX's names of the entries do not tell."""
+    """XLA splits long loops by the number of threads, which is not part of JAX's cache keys."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     folders = [compilation_folder(), compilation_folder()]
     monkeypatch.setenv("NPROC", str(processors() + 1))
@@ -103,7 +106,7 @@ def test_a_folder_of_ones_own_is_left_alone(tmp_path):
 
 def test_what_was_used_longest_ago_makes_room_and_what_is_empty(tmp_path):
     now = time.time()
-    written = {"a": 100, "b": 90, "read": 95, "c": 80, "empty": 0}  # seconds ago
+    written = {"a": 100, "b": 90, "read": 95, "c": 80, "empty": 0}  # s before now
     for name, ago in written.items():
         (tmp_path / name).write_bytes(bytes(0 if name == "empty" else 100))
         read = now if name == "read" else now - ago

@@ -1,4 +1,4 @@
-"""Rows of a log cut into pieces: every piece keeps to its ticks and names its rows."""
+"""Segments of a log: samples are equally spaced within the jitter, and the rows are named."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def recorded(time, seed=0):
 
 
 def check(log, pieces, time, delay=0):
-    """Everything that a piece promises, from the rows of the file."""
+    """Check every property of the segments against the rows of the file."""
     for piece in pieces:
         one, first, last = piece.log, piece.first, piece.last
         n, jitter = one.samples, float(one.jitter)
@@ -34,7 +34,7 @@ def check(log, pieces, time, delay=0):
         stamps = time[first : last + 1]
         steps = np.arange(len(stamps)) * float(one.period)
         missed = stamps - steps
-        # equal steps that miss none by more than the jitter: the middle of what they miss
+        # with the best offset, equal steps miss no stamp by more than the jitter
         assert np.ptp(missed) / 2 <= jitter + 1e-12
         assert jitter <= 0.1 * float(one.period)
     rows = [k for piece in pieces for k in range(piece.first, piece.last + 1)]
@@ -49,7 +49,7 @@ def check(log, pieces, time, delay=0):
     st.sampled_from([None, 90]),
 )
 def test_every_piece_is_steady(seed, share, events, delay, longest):
-    """Gaps, repeated stamps, rows without a number and jitter, anywhere."""
+    """Gaps, repeated stamps, missing numbers and jitter occur at random rows."""
     random = np.random.default_rng(seed)
     n = 400
     steps = np.full(n - 1, H)
@@ -63,12 +63,12 @@ def test_every_piece_is_steady(seed, share, events, delay, longest):
     check(log, pieces, time, delay)
     assert longest is None or max(p.last - p.first + 1 for p in pieces) <= longest
     assert all(np.isfinite(log.position[p.first : p.last + 1]).all() for p in pieces)
-    if share < 0.05:  # two events cost at most the few rows between them
+    if share < 0.05:  # an event costs only the few rows around it
         assert rows_used(pieces) >= n - 2 * events * (6 + delay)
 
 
 def test_a_clock_without_jitter_has_none_and_its_log_is_whole():
-    """Stamps of any start, with a period that is 1 % off the servo's: rounding is no jitter."""
+    """Stamps with any start, and a period that differs by up to 0.5 %: rounding is not jitter."""
     for period, start in ((H, 0.0), (1.005 * H, 1234.5), (0.0002, 7.0)):
         time = start + period * np.arange(5000)
         (piece,) = steady_segments(recorded(time), round(period, 4), Q)
@@ -80,7 +80,10 @@ def test_a_clock_without_jitter_has_none_and_its_log_is_whole():
 
 
 def test_a_clock_that_has_run_since_an_epoch_is_read_to_its_last_digit():
-    """Stamps of 1.7e9 s are multiples of 0.24 µs: where the true instants are, the log says."""
+    """Stamps of 1.7e9 s are multiples of 0.24 µs.
+
+    The jitter of the log covers the true instants.
+    """
     n, period = 8192, 0.0002
     true = period * np.arange(n)
     (piece,) = steady_segments(recorded(1.7e9 + true), period, Q)
@@ -94,7 +97,10 @@ def test_a_clock_that_has_run_since_an_epoch_is_read_to_its_last_digit():
 
 @given(st.integers(0, 2**32 - 1))
 def test_what_coarse_stamps_may_hide_counts_as_jitter(seed):
-    """Instants up to 1.1e-7 s off equal steps, all of which stamps since an epoch round away."""
+    """The instants deviate by up to 1.1e-7 s from equal steps.
+
+    Rounded time stamps since an epoch do not show this, but the jitter covers it.
+    """
     n, period = 400, 2.0**-12
     off = np.random.default_rng(seed).uniform(-1.1e-7, 1.1e-7, n)
     (piece,) = steady_segments(recorded(2.0**30 + 2.0**29 + period * np.arange(n) + off), period, Q)
@@ -116,7 +122,7 @@ def test_pieces_of_many_lengths_have_few_shapes():
 
 
 def test_a_clock_that_drifts_is_cut_where_it_must_be():
-    """A period that changes by 2 % on the way: pieces, each of them nearly straight."""
+    """A period that changes by 1 % gives several segments, each with a nearly constant period."""
     time = np.append(0.0, np.cumsum(np.linspace(0.995, 1.005, 4000) * H))
     log = recorded(time)
     pieces = steady_segments(log, H, Q)

@@ -1,4 +1,4 @@
-"""Exported motions: every file reads back to the same numbers, in other programs too."""
+"""Exported set-points: every file format reads back to the same numbers, also in other programs."""
 
 import shutil
 import subprocess
@@ -20,7 +20,7 @@ def setpoints(figures):
 
 
 def test_they_are_the_states_of_the_motion(setpoints, figures):
-    """At every fiftieth tick the rows of the file of its knots."""
+    """Every fiftieth sample agrees with a row of the file of knots."""
     knots = np.genfromtxt(figures / "trajectory_minimax.csv", delimiter=",", skip_header=1)
     assert setpoints.time.shape == (3001,)
     for values, column in zip(setpoints, knots.T, strict=False):
@@ -39,7 +39,10 @@ def test_what_is_written_is_read_to_the_last_bit(setpoints, tmp_path, ending, co
 
 
 def test_a_matrix_is_as_simulink_reads_it(setpoints, tmp_path):
-    """One variable, time in its first row; the same bytes whenever it is written."""
+    """The file has one variable with the time in its first row.
+
+    Writing it again gives the same bytes.
+    """
     path = tmp_path / "motion.mat"
     write_setpoints(path, setpoints)
     first = path.read_bytes()
@@ -70,11 +73,11 @@ def test_a_c_program_reads_the_same_numbers(setpoints, tmp_path):
 
 
 def test_margins_are_those_of_the_positions(setpoints):
-    """Of a motion within all limits; one position a tenth of a millimetre off is found."""
+    """A motion within all limits has no negative margin; one position off by 0.1 mm is detected."""
     limits = motor.limits()
     found = margins(setpoints, limits)
     assert min(found.values()) >= -1e-9
-    assert found["velocity"] < 0.01  # it dwells at top speed
+    assert found["velocity"] < 0.01  # the motion dwells at the velocity limit
     y = setpoints.position
     left = min(y.min() + 0.01, 0.4 - y.max()) / 0.205
     assert found["position"] == pytest.approx(left, abs=1e-12)

@@ -1,4 +1,4 @@
-"""The scan against a NumPy loop, and the regression identity that everything stands on."""
+"""The simulation against a NumPy loop and SciPy, and the exact regression identity."""
 
 import jax
 import jax.numpy as jnp
@@ -35,7 +35,7 @@ def desired_of(axis, period):
 @pytest.mark.parametrize("name", AXES)
 @pytest.mark.parametrize("halved", [False, True])
 def test_identity_holds_for_every_filter(name, halved):
-    """u_f = φ_fᵀθ + Δ_f to 1e-12 of max|u_f|; u_f is made from the commanded input alone."""
+    """u_f = φ_fᵀθ + Δ_f to 1e-12 of max|u_f|, where u_f is filtered from the commanded input."""
     axis = AXES[name]
     period = axis.CONTROL_PERIOD / (2 if halved else 1)
     controller = motor.controller() if axis is motor else arm_controller()
@@ -52,7 +52,7 @@ def test_identity_holds_for_every_filter(name, halved):
 
 
 def test_closed_loop_matches_a_numpy_loop(motion):
-    """ARC, encoder and plant written out again, without JAX, for 1,000 ticks."""
+    """ARC, encoder and plant are written again without JAX, for 1,000 samples."""
     period, count = motor.CONTROL_PERIOD, 1000
     desired = jax.tree.map(lambda x: x[:count], reference(motion, period, 3000))
     encoder = Encoder(motor.ENCODER_RESOLUTION)
@@ -66,10 +66,10 @@ def test_closed_loop_matches_a_numpy_loop(motion):
 @pytest.mark.parametrize("name", AXES)
 @pytest.mark.usefixtures("quick_compilation")
 def test_the_plant_moves_as_an_independent_integrator_says(name):
-    """An eighth-order method of scipy with steps of its own, under the inputs of the loop.
+    """For the same inputs, an adaptive eighth-order method of SciPy gives the same states.
 
-    Ralston's steps, four to a tick, leave 7e-9 m and 4e-7 m/s of the motor, 2e-8 rad and 6e-7 rad/s
-    of the arm.
+    Four Ralston steps per sample differ from it by 7e-9 m and 4e-7 m/s for the motor, and by 2e-8
+    rad and 6e-7 rad/s for the arm.
     """
     axis, count = AXES[name], 120
     period, controller = axis.CONTROL_PERIOD, motor.controller() if name == "motor" else None
@@ -150,7 +150,7 @@ def test_one_step_per_tick_is_as_good_as_ten(motion):
 
 
 def test_the_motors_disturbance_is_never_clipped(motion):
-    """The plant clips at ±δ; the study's own disturbance must not need that."""
+    """The disturbance of the study stays within ±δ before the plant clips it."""
     speeds, places = jnp.meshgrid(jnp.linspace(-2.1, 2.1, 801), jnp.linspace(-0.01, 0.4, 401))
     disturbance, system = motor.plant().disturbance, motor.system()
     zero = jnp.zeros(())
@@ -160,7 +160,7 @@ def test_the_motors_disturbance_is_never_clipped(motion):
         places.ravel(), speeds.ravel(), bound
     )
     assert jnp.all(jnp.abs(values) <= bound)
-    assert jnp.max(jnp.abs(values) / bound) > 0.5  # and it is not negligible either
+    assert jnp.max(jnp.abs(values) / bound) > 0.5  # it is not negligible
 
 
 def test_the_plant_keeps_an_exaggerated_disturbance_within_its_bound(motion):
@@ -203,7 +203,10 @@ def test_a_differenced_log_has_the_true_mean_velocity(motion):
 
 
 def test_28_as_printed_is_biased_by_half_a_tick_of_the_filter(motion):
-    """M̂ comes out about w·period/2 too low, outside (29), though Δ = 0 and positions are exact."""
+    """With (28) as printed, M̂ is about w·period/2 too small and outside (29).
+
+    Here Δ = 0 and the positions are exact.
+    """
     desired = reference(motion, motor.CONTROL_PERIOD, 3000)
     plant = Plant(motor.system(), motor.TRUE_PARAMETERS, NoDisturbance())
     record, signals = simulate(plant, motor.controller(), IdealSensor(), desired, 2e-4)

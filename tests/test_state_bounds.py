@@ -1,4 +1,4 @@
-"""Brackets term by term: each holds the worst motion and readings, which reach its ends."""
+"""State bounds step by step: each range contains the worst case, which attains its ends."""
 
 import itertools
 
@@ -24,7 +24,7 @@ from jaxid.model.regressors import Constant, Viscous
 from jaxid.model.system import System, Term
 
 H, Q = 0.01, 2e-3
-# of constant forces alone: in each tick the acceleration is one number
+# only constant forces: the acceleration is constant in each sample period
 PUSHED = System(
     (Term("m", "kg", (1.0, 2.0)), Term("d", "N", (-1.0, 1.5), Constant())), ConstantBound(0.5)
 )
@@ -32,7 +32,7 @@ CORNERS = list(itertools.product((1.0, 2.0), (-1.0, 1.5)))
 
 
 def states_at(a, v=0.0, y=0.0, h=H):
-    """Position and velocity at the ends of ticks of constant acceleration."""
+    """Return position and velocity at the samples, for a constant acceleration in each period."""
     v = v + np.append(0.0, np.cumsum(a * h))
     return y + np.append(0.0, np.cumsum((v[:-1] + v[1:]) / 2 * h)), v
 
@@ -43,7 +43,7 @@ def holds(found, values, slack=1e-12):
 
 
 def test_velocities_of_windows_hold_for_all_readings_and_accelerations():
-    """Four ticks of 1 s: every pattern of the worst readings under accelerations at their ends."""
+    """Four periods of 1 s, with all signs of the reading errors and with extreme accelerations."""
     n, random = 4, np.random.default_rng(0)
     windows = eqx.filter_jit(lambda y, a, e: _from_windows(Log(jnp.zeros(n), y, 1.0, 0.0), a, e))
     for signs in itertools.product((-1.0, 1.0), repeat=n + 1):
@@ -57,12 +57,12 @@ def test_velocities_of_windows_hold_for_all_readings_and_accelerations():
 
 @pytest.mark.parametrize("at", [0, 1, 2])
 def test_velocities_of_windows_are_reached(at):
-    """Of three samples, with a single tick on either side: what it adds is all that it can do."""
+    """With three samples, the ranges equal the largest velocities by hand."""
     A, e, h = 3.0, 0.02, 0.1
     log = Log(jnp.zeros(2), jnp.zeros(3), h, 0.0)
     found = _from_windows(log, around(jnp.full(2, A)), jnp.full(3, e))
     one, two = 2 * e / h + h * A / 2, 2 * e / (2 * h) + h * A
-    # around the middle both ticks may bend the path the same way
+    # both periods around the middle sample may curve the path in the same direction
     both = 2 * e / (2 * h) + h * A / 2
     expected = min(one, both) if at == 1 else min(one, two)
     np.testing.assert_allclose(found.upper[at], expected, rtol=1e-12)
@@ -70,7 +70,7 @@ def test_velocities_of_windows_are_reached(at):
 
 
 def test_what_one_sample_says_of_all_others_is_reached():
-    """A velocity known at one sample, and accelerations at either end since and until then."""
+    """The velocity is known at one sample; accelerations before and after it are extreme."""
     lower, upper = np.array([-1.0, -2.0, 0.5, -3.0]), np.array([2.0, 1.0, 1.5, 4.0])
     unknown = around(jnp.full(5, jnp.inf).at[2].set(0.0))
     found = _swept(unknown, Range(lower, upper), jnp.asarray(H))
@@ -81,7 +81,7 @@ def test_what_one_sample_says_of_all_others_is_reached():
 
 
 def test_the_velocity_within_a_tick_leaves_its_chord_as_far_as_it_may():
-    """A against −A from the middle on, from rest to rest: it is hA/2 half-way."""
+    """The acceleration is A and then −A, from rest to rest: the velocity reaches hA/2."""
     still = exactly(jnp.zeros(3))
     found = _between(still, Range(jnp.array([-3.0, 1.0]), jnp.array([3.0, 5.0])), jnp.asarray(H))
     np.testing.assert_allclose(found.upper, [H / 2 * 3.0, H / 2 * 2.0])
@@ -89,7 +89,7 @@ def test_the_velocity_within_a_tick_leaves_its_chord_as_far_as_it_may():
 
 
 def test_the_position_within_a_tick_is_as_far_from_its_ends_as_speed_allows():
-    """There and back at full speed, from readings that are wrong by all they may be."""
+    """The axis moves there and back at full speed, and both readings have their largest error."""
     log = Log(jnp.zeros(1), jnp.array([0.1, 0.2]), H, Q)
     fast, reading = jnp.array([25.0]), jnp.array([0.01, 0.03])
     position, _ = _within(PUSHED, log, around(fast), reading)
@@ -98,7 +98,7 @@ def test_the_position_within_a_tick_is_as_far_from_its_ends_as_speed_allows():
 
 
 def test_accelerations_are_those_of_the_worst_corner():
-    """Of the box, of δ on both sides of its jump, and of the speed."""
+    """All corners of box, speed and input are tried, with δ on both sides of its jump."""
     system = System(
         (
             Term("m", "kg", (1.0, 2.0)),
@@ -121,7 +121,7 @@ def test_accelerations_are_those_of_the_worst_corner():
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_brackets_of_short_logs_hold_for_the_worst_readings(n):
-    """All corners of the box and of δ, all signs of the readings' errors, at ends and middles."""
+    """All corners of box and δ and all signs of the reading errors, at five instants per period."""
     u, shares = np.array([3.0, -2.0, 1.0])[:n], np.array([0.0, 0.25, 0.5, 0.75, 1.0])
     checked = eqx.filter_jit(lambda y: state_bounds(PUSHED, Log(jnp.asarray(u), y, H, Q)))
     for (m, d), side in itertools.product(CORNERS, (-0.5, 0.5)):
@@ -138,7 +138,7 @@ def test_brackets_of_short_logs_hold_for_the_worst_readings(n):
 
 
 def test_no_axis_is_faster_than_the_top_speed():
-    """Of one tick: the worst readings, which jitter brings closer, and the largest acceleration."""
+    """One period with the largest acceleration and reading errors. Jitter shortens the period."""
     for resolution, push, jitter in ((1e-3, 0.0, 0.0), (1e-6, 20.0, 0.0), (5e-3, 0.0, 0.1 * H)):
         log = Log(jnp.array([push]), jnp.zeros(2), H, resolution, jitter)
         top = float(_top_speed(PUSHED, log, jnp.zeros(1)))
@@ -148,26 +148,29 @@ def test_no_axis_is_faster_than_the_top_speed():
 
 
 def test_a_reading_may_lie_in_the_tick_before_or_after():
-    """And those at both ends in one of which nothing is known."""
+    """The first and last reading may lie outside the log, where only the top speed is known."""
     found = _around_samples(jnp.array([1.0, 3.0, 2.0]), jnp.asarray(9.0))
     np.testing.assert_array_equal(found, [9.0, 3.0, 3.0, 9.0])
 
 
 def test_a_reading_is_off_by_half_a_count_and_what_jitter_adds():
     log = Log(jnp.zeros(3), jnp.zeros(4), H, Q, 0.1 * H)
-    # read at full speed as late as may be
+    # read at full speed with the largest delay
     np.testing.assert_allclose(log.reading_error(jnp.asarray(2.0)), Q / 2 + 0.1 * H * 2.0)
 
 
 def acting_by_hand(u, outer, starts, times):
-    """The inputs that act at some times, each from its own start on; and what was before."""
+    """Return the inputs that act at some times, each from its own start on."""
     index = np.searchsorted(starts, times, side="right") - 1
     return np.append(u, outer[1])[index] * (index >= 0) + outer[0] * (index < 0)
 
 
 @pytest.mark.parametrize("signs", list(itertools.product((-1.0, 1.0), repeat=4)))
 def test_inputs_that_begin_too_early_or_too_late_are_counted(signs):
-    """Means over ticks and under hats, by sums; each tick's is reached by some of the signs."""
+    """Means over sample periods and with hat weights are computed by sums.
+
+    Some sign pattern attains the bound of each period.
+    """
     u, outer, jitter = np.array([1.0, -2.0, 0.5]), np.array([4.0, -3.0]), 0.1 * H
     log = Log(jnp.asarray(u), jnp.zeros(4), H, 0.0, jitter, jnp.asarray(outer))
     starts = H * np.arange(4) + jitter * np.array(signs)

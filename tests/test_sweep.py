@@ -1,4 +1,4 @@
-"""Sweeps: what an item is, and how it is kept."""
+"""Sweeps: the result of one item, and the data set in which it is saved."""
 
 import subprocess
 
@@ -27,7 +27,7 @@ BANDWIDTHS = (100.0, 1000.0)
 
 
 def slurm(job: int, task: int) -> dict[str, object]:
-    """What `srun -n 2` tells its tasks."""
+    """Return the environment variables that `srun -n 2` sets for one of its tasks."""
     told = {"JOB_ID": job, "STEP_NODELIST": "localhost", "STEP_NUM_TASKS": 2, "NTASKS": 2}
     told |= {"STEP_NUM_NODES": 1, "PROCID": task, "LOCALID": task}
     return {f"SLURM_{name}": value for name, value in told.items()}
@@ -39,7 +39,7 @@ def test_two_tasks_of_slurm_compute_the_same_bits_as_one_process(tmp_path):
         variables |= {"JAX_DISABLE_MOST_OPTIMIZATIONS": 1}
         return start("-m", "experiments.beyond.sweep", *options, **variables)
 
-    job = free_port(61_440, 65_536) - 61_440  # jax takes this port for this job
+    job = free_port(61_440, 65_536) - 61_440  # JAX derives the port from the job number
     alone, *tasks = sweep("one", {}), *(sweep("two", slurm(job, task)) for task in range(2))
     told = ["θ is outside θ̂ ± J_f in 0 of" in printed for printed in finish(alone, *tasks)]
     assert told == [True, True, False]
@@ -56,7 +56,10 @@ def test_two_tasks_of_slurm_compute_the_same_bits_as_one_process(tmp_path):
 
 @pytest.fixture(scope="module")
 def small(figures):
-    """Two motions of different length; a controller and one that is too stiff; two scenarios."""
+    """Return a grid of two motions, two controllers and two scenarios.
+
+    The motions differ in length, and the loop with the second controller is unstable.
+    """
     chosen = motor.controller()
     stiff = eqx.tree_at(lambda arc: arc.epsilon, chosen, jnp.asarray(1e-4))
     return grid(
@@ -84,7 +87,7 @@ def evaluate(swept):
 
 @pytest.fixture(scope="module")
 def items(small):
-    """What `item` gives for all of them."""
+    """Return the results of all items."""
     jax.config.update("jax_disable_most_optimizations", True)
     found = evaluate(small)
     jax.config.update("jax_disable_most_optimizations", False)
@@ -95,7 +98,7 @@ def items(small):
 def test_an_item_is_what_run_and_identify_give_padded_or_not(
     items, motion, scene, quick_compilation
 ):
-    """Its motion is the shorter one: what is added to fit the longer one changes nothing."""
+    """The item has the shorter motion, which is padded to the length of the longer one."""
     disturbance = (motor.plant().disturbance, AgainstTracking(motor.ARC_GAINS["k1"]))[scene]
     theta = jnp.asarray((motor.TRUE_PARAMETERS, LIGHT)[scene])
     plant = Plant(motor.system(), theta, disturbance)
@@ -128,7 +131,7 @@ def test_a_loop_that_diverges_has_no_bound(small, items):
 
 
 def test_random_forces_are_of_the_seed_and_the_item(small, items, quick_compilation):
-    """In two scenarios that nothing else tells apart."""
+    """Random disturbances differ between two equal scenarios and between seeds."""
     theta = jnp.array([motor.TRUE_PARAMETERS, motor.TRUE_PARAMETERS])
     two = mixed(motor.system(), theta, [RandomForce()], jnp.ones((2, 1)))
     alike = eqx.tree_at(lambda g: g.scenarios, small, two)
@@ -163,7 +166,7 @@ def test_a_data_set_comes_back_with_its_names_and_units(small, items, tmp_path):
     assert again.unit.values.tolist() == ["V s²/m", "V s/m", "V", "V"]
     cell = {"horizon": 40, "gains": "chosen", "scenario": "light", "bandwidth": 1000.0}
     assert again.bound.sel(cell).sel(design="M", parameter="B") == items["bound"][5, 1, 1]
-    # nobody has run N = 20; a loop that diverged was run
+    # N = 20 was not simulated and has no result; a diverged loop has one
     assert again.bound.sel(horizon=20).isnull().all()
     assert again.outside.sel(horizon=20).isnull().all()
     assert (again.outside.sel(horizon=40, gains="stiff") == 1).all()
@@ -188,7 +191,7 @@ def test_options_that_make_no_sense_are_refused(small, figures):
 
 
 class Bang(Controller):
-    """A user's own law, of which nothing is known: on or off, by the sign of the error."""
+    """A controller of a user: on or off, by the sign of the position error."""
 
     level: jax.Array
 
@@ -200,7 +203,7 @@ class Bang(Controller):
 
 
 def test_a_controller_of_ones_own_is_swept(small, figures, quick_compilation):
-    """With the adversary that pushes against the velocity, and no gains in the data set."""
+    """One disturbance opposes the tracking. The data set has no gains of this controller."""
     swept = grid(
         small.system,
         small.sensor,

@@ -23,7 +23,7 @@ BOX = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)
 
 def test_both_readings_of_18():
     assert acceleration_limit(motor.system(), **BOX)[1] == pytest.approx(400 / 9, rel=1e-14)
-    # by Cauchy-Schwarz, as printed: max|f|₂·max|θ_φ|₂
+    # the printed reading, by Cauchy-Schwarz: max|f|₂·max|θ_φ|₂
     load = np.hypot(2.0, np.sqrt(2)) * np.linalg.norm([0.5, 0.5, 0.5])
     assert (10.0 - load) / 0.18 == pytest.approx(43.77, abs=0.01)
 
@@ -112,7 +112,7 @@ def test_a_delta_that_is_not_positive_is_refused(name, made, level):
     ],
 )
 def test_a_delta_whose_speeds_would_make_it_too_small_is_refused(name, made, speed):
-    """With a threshold of NaN the bound at rest was that of fast motions."""
+    """With a threshold of NaN, δ at rest would be the smaller δ of fast motions."""
     with pytest.raises(ValueError, match=f"`{name}` of a .* δ must be at least zero and finite"):
         made(speed)
 
@@ -162,7 +162,7 @@ def test_single_precision_is_refused(key):
 @pytest.mark.parametrize("share", [-1.5, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.5])
 @given(st.floats(1e-3, 0.05))
 def test_a_cautious_bound_is_the_largest_within_reach(threshold, share, reach):
-    """Of a grid of velocities, the threshold's two sides among them."""
+    """δ agrees with the maximum over a grid of velocities, which includes both thresholds."""
     velocity, bound = threshold + share * reach, SpeedBand(0.25, 0.15, 0.1)
     near = np.append(velocity + np.linspace(-reach, reach, 101), [-0.1, 0.1])
     near = near[np.abs(near - velocity) <= reach]

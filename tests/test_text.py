@@ -1,4 +1,4 @@
-"""What is printed of a bound holds as well as the bound."""
+"""Bounds as text: rounded in the safe direction, so that the printed bound holds."""
 
 from fractions import Fraction
 
@@ -13,7 +13,7 @@ digits = st.integers(1, 8)
 
 @given(numbers, digits)
 def test_a_printed_bound_is_on_its_side_and_near(value, count):
-    """A number is what its shortest text says, as a user typed it."""
+    """The text is compared with the shortest text of the number, as a user would type it."""
     low, high = Fraction(at_least(value, count)), Fraction(at_most(value, count))
     typed = Fraction(repr(value))
     assert low <= typed <= high

@@ -25,7 +25,7 @@ def slopes_of(trajectory: JerkTrajectory, times: jax.Array) -> jax.Array:
 
 
 def integrate(start: np.ndarray, jerk: np.ndarray, period: float) -> np.ndarray:
-    """Knot states, one interval after the other."""
+    """Return the knot states, integrated one interval after the other."""
     found = [start]
     for j in jerk:
         y, v, a = found[-1]
@@ -68,7 +68,7 @@ def test_extrema_bound_a_dense_sampling_and_are_attained(start, jerk):
         span = max(1e-9, float(highest - lowest))
         assert lowest <= x.min() + 1e-12 * span
         assert x.max() - 1e-12 * span <= highest
-        # the sampling misses a turning point by at most half a step
+        # an extremum is at most half a sampling step away from a sample
         assert x.min() - lowest <= 1e-5 * span + 1e-8
         assert highest - x.max() <= 1e-5 * span + 1e-8
 
@@ -80,7 +80,7 @@ def test_padding_changes_nothing(start, jerk):
     times = jnp.linspace(0.0, 7 * T, 50)
     for a, b in zip(states(trajectory, times), states(longer, times), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-15)
-    # padding has no jerk, and so can only widen the span of the jerk
+    # padding has zero jerk, so that the range of the jerk may be wider
     for a, b in zip(extrema(trajectory)[:3], extrema(longer)[:3], strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-15)
     np.testing.assert_array_equal(trimmed(longer).jerk, trajectory.jerk)

@@ -1,4 +1,4 @@
-"""What grad, jit and vmap may be applied to, and what is refused in a sentence."""
+"""Functions that grad, jit and vmap can transform, and refusals of those that they cannot."""
 
 import equinox as eqx
 import jax
@@ -19,7 +19,7 @@ from jaxid.motion.trajectory import uniform
 from jaxid.regression.filtered_least_squares import filtered_least_squares
 from jaxid.regression.worst_case import infinity
 
-H, T, TICKS = 1e-3, 0.01, 60  # s, s, and six intervals of constant jerk
+H, T, TICKS = 1e-3, 0.01, 60  # s, s, number of samples: six intervals
 MOTION = uniform(jnp.zeros(3), jnp.array([500.0, -300.0, -700.0, 400.0, 600.0, -500.0]), T)
 LONGER = uniform(jnp.zeros(3), 60.0 * jnp.array([1.0, -1.0, -1.0, 1.0, 0.5, -0.5]), 0.1)
 SYSTEM = motor.system()
@@ -32,7 +32,7 @@ def loop(sensor) -> ClosedLoop:
 
 
 def final_position(sensor):
-    """Where the axis is in the end, as a function of anything that it depends on."""
+    """Return a function from jerk, θ and k₁ to the final position of the axis."""
 
     def of(jerk=MOTION.jerk, theta=jnp.asarray(motor.TRUE_PARAMETERS), k1=200.0):
         plant = eqx.tree_at(lambda p: p.theta, motor.plant(), theta)
@@ -77,7 +77,7 @@ def test_the_slope_through_an_ideal_sensor_is_that_of_finite_differences():
     for k in (0, 3):
         step = jnp.zeros(6).at[k].set(1e-2)
         difference = (value(MOTION.jerk + step) - value(MOTION.jerk - step)) / 2e-2
-        # rounding of 0.01 m over two steps of 0.01 m/s³
+        # atol: rounding of 0.01 m, divided by two steps of 0.01 m/s³
         np.testing.assert_allclose(slope[k], difference, rtol=1e-5, atol=1e-14)
 
 
@@ -102,7 +102,7 @@ def test_an_encoder_under_vmap_jit_and_scan_is_the_nearest_multiple(key):
 
 
 def test_an_encoder_of_resolution_zero_is_exact_and_its_velocity_a_difference():
-    """As a NumPy loop reads it; the closed loop is one of finite numbers, too."""
+    """Readings agree with NumPy differences, and the closed loop has finite signals."""
     encoder, positions = Encoder(0.0), np.array([0.1, 0.12345678901, -0.3])
     memory, read = encoder.initial(jnp.asarray(0.1)), []
     for y in positions:
@@ -114,7 +114,7 @@ def test_an_encoder_of_resolution_zero_is_exact_and_its_velocity_a_difference():
     record, signals = loop(encoder)(motor.plant(), MOTION)
     fine, _ = loop(Encoder(1e-12))(motor.plant(), MOTION)
     assert jnp.all(jnp.isfinite(signals.position))
-    # a count of 1e-12 m is 1e-9 m/s of a difference, and k₂ some 40 V s/m
+    # 1e-12 m / 1 ms = 1e-9 m/s, and k₂ is about 40 V s/m
     np.testing.assert_allclose(record.input, fine.input, atol=1e-6)
     with pytest.raises(ValueError, match="`resolution` of an encoder must be at least zero"):
         Encoder(-1e-6)
@@ -130,7 +130,7 @@ def worst_plant():
 
 
 def predicted():
-    """The sum of the errors, so that no largest one changes; linear programs on the host."""
+    """Return the sum of predicted errors, which is smooth; its linear programs run outside JAX."""
     targets, servo = SYSTEM.half_widths, Servo(H, 1e-6)
     criterion = PredictedError(SYSTEM, targets, servo, motor.controller(), largest=False)
     return criterion.near(TASK, MOTION)
@@ -147,7 +147,7 @@ CRITERIA = {
 
 @pytest.mark.parametrize("name", CRITERIA)
 def test_vmap_of_a_criterion_and_of_its_slope_is_a_loop(name, quick_compilation):
-    """Over the jerk of several motions: values, and gradients under vmap."""
+    """Values and gradients for several motions under vmap equal those of a Python loop."""
     criterion, smoothing = CRITERIA[name](), jnp.asarray(1e-3)
     jerks = jnp.stack([share * MOTION.jerk for share in (1.0, 0.9, 0.7)])
 

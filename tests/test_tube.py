@@ -1,4 +1,4 @@
-"""The proved tube: no plant leaves it, and it is hardly wider than what plants do."""
+"""The proved tube: no plant leaves it, and it is not much wider than the plants need."""
 
 import equinox as eqx
 import jax
@@ -37,7 +37,7 @@ def tube_of(motion, law, sensor, parts=(8, 4, 4, 4), period=motor.CONTROL_PERIOD
 
 
 def seen(motion, law, sensor, own, period=motor.CONTROL_PERIOD, ticks=3000):
-    """Corners and random points of Ω_θ, each with six disturbances, four steps per tick."""
+    """Simulate corners and random points of Ω_θ with six disturbances and four steps per sample."""
     count = REPEATS * ticks
     kinds = [
         NoDisturbance(),
@@ -54,7 +54,7 @@ def seen(motion, law, sensor, own, period=motor.CONTROL_PERIOD, ticks=3000):
 
 
 def share(seen: Range, tube: Range) -> float:
-    """How much of the tube's half-width is reached, at most: above 1 is outside."""
+    """Return the largest deviation in half-widths of the tube; more than 1 is outside."""
     return float(jnp.max(abs(seen - tube.middle).upper / tube.half_width))
 
 
@@ -79,7 +79,7 @@ def happened(motion, encoder, own):
 
 
 def test_no_plant_leaves_the_tube_within_ticks_either(proved, happened):
-    """Measured: 0.91, 0.74, 0.95 and 0.18 of its half-width, so little is given away."""
+    """Position, velocity, input and its rate reach 0.91, 0.74, 0.95 and 0.18 of the half-width."""
     y, v, u, rate = (share(a, b) for a, b in zip(happened, proved, strict=True))
     assert max(y, v, u, rate) <= 1
     assert y > 0.85
@@ -88,9 +88,10 @@ def test_no_plant_leaves_the_tube_within_ticks_either(proved, happened):
 
 
 def test_a_coarse_encoder_is_covered_and_fills_most_of_the_tube(motion, own):
-    """Counts of 20 µm, which make most of the input. Measured: 0.88 and 0.62 of its half-width.
+    """Counts of 20 µm cause most of the input; 0.88 and 0.62 of the half-widths are reached.
 
-    With half of the encoder's share the input would reach 1.36 of it, and its rate 1.17.
+    With half of the term for the encoder, the input would reach 1.36 of its half-width, the input
+    rate 1.17.
     """
     coarse = Encoder(2e-5)
     tube, found = tube_of(motion, motor_law(), coarse), seen(motion, motor_law(), coarse, own)
@@ -99,7 +100,7 @@ def test_a_coarse_encoder_is_covered_and_fills_most_of_the_tube(motion, own):
 
 
 def test_a_narrower_tube_is_left(proved, happened):
-    """A tenth narrower: in position and in input some plant is outside."""
+    """If the tube is 10 % narrower, some plant leaves it, in position and in input."""
     for k in (0, 2):
         narrower = proved[k].middle + around(0.9 * proved[k].half_width)
         assert jnp.any(happened[k].upper > narrower.upper) or jnp.any(
@@ -120,7 +121,7 @@ def test_it_holds_for_exact_sensors_and_is_narrower(motion, own, proved):
     ("without", "worst"), [("encoder", "input"), ("disturbance", "input"), ("mass", "velocity")]
 )
 def test_a_tube_that_forgets_something_is_left(motion, own, encoder, without, worst):
-    """The counts of an encoder, δ, or the heavier half of the box."""
+    """Plants leave a tube without encoder errors, without δ, or for the lighter half of the box."""
     law, sensor = motor_law(), encoder
     forgetful, exact = law, encoder
     if without == "encoder":
@@ -166,7 +167,7 @@ def test_it_holds_for_a_rotary_axis_with_gravity():
 
 
 def test_it_holds_for_a_reference_that_begins_at_speed_and_jumps_back(own, encoder):
-    """The axis begins at rest all the same, and again and again."""
+    """The axis starts at rest although the reference does not, and the motion is repeated."""
     law = motor_law(k1=50.0)
     motion = uniform(jnp.array([0.1, 0.3, 2.0]), jnp.full(20, -50.0), 0.01)
     tube = tube_of(motion, law, encoder, (4, 2, 2, 2), ticks=1000)
@@ -184,7 +185,7 @@ def test_smaller_cells_make_a_narrower_tube(motion, encoder, proved):
 
 @pytest.mark.parametrize("name", ["M", "B", "Fc"])
 def test_the_motions_that_are_called_proved_are(figures, name, encoder):
-    """Every plant keeps position, speed and input, and the motion all limits of its own."""
+    """Every plant keeps position, velocity and input limits, and the motion all its own limits."""
     box = {"position": (-0.01, 0.4), "velocity": (-2.0, 2.0), "input": (-10.0, 10.0)}
     reach = acceleration_reach(motor.system(), **box)
     limits = Limits(acceleration=reach, jerk=(-1000.0, 1000.0), **box)
@@ -195,7 +196,7 @@ def test_the_motions_that_are_called_proved_are(figures, name, encoder):
 
 
 def test_gains_too_high_for_the_period_have_no_tube(motion, encoder):
-    """hK/M above 2: the sampled loop is unstable, and nothing is claimed."""
+    """With hK/M > 2 the sampled loop is unstable, and the tube is infinite."""
     tube = tube_of(motion, motor_law(k2=2000.0), encoder, (1, 1, 1, 1))
     assert jnp.isposinf(jnp.max(tube.input.upper))
     assert not jnp.any(jnp.isnan(tube.input.upper))

@@ -1,4 +1,4 @@
-"""The tube of a few ticks, share by share: beside loops by hand under the worst of each."""
+"""The tube of a few samples, source by source, against closed loops written by hand."""
 
 import itertools
 
@@ -15,7 +15,7 @@ from jaxid.model.regressors import Constant, Spring, Viscous
 from jaxid.model.system import System, Term
 from jaxid.motion.trajectory import uniform
 
-# of constant forces alone: in each tick the acceleration is one number
+# only constant forces: the acceleration is constant in each half of a sample period
 H, TICKS, K1, K2, EPSILON = 0.01, 6, 20.0, 15.0, 2.0
 LOWER, UPPER = np.array([1.0, -1.0]), np.array([1.5, 1.5])
 CENTRE, HALF = (UPPER + LOWER) / 2, (UPPER - LOWER) / 2
@@ -23,21 +23,21 @@ SHARES = np.linspace(0.0, 1.0, 9)[:, None]
 
 
 def motion(place):
-    """From rest at some position."""
+    """Return a motion from rest at some position."""
     return uniform(jnp.array([place, 0.0, 0.0]), jnp.full(TICKS, 300.0), H)
 
 
 def by_hand(place, theta, hat, delta, reach, level, q):
-    """Input, and positions and velocities within each tick, of loops side by side.
+    """Return positions, velocities and inputs within each sample period, of several loops.
 
     Args:
-        place: where it begins.
+        place: initial position.
         theta: mass and offset of the axis.
-        hat: those that the law takes them for.
-        delta: what disturbs each loop in each half of a tick.
-        reach: how far the law allows θ̂ to be from θ.
-        level: δ, that the law allows for.
-        q: errors of the readings at the ticks, from the one before the first on; None for exact
+        hat: estimates that the controller uses.
+        delta: disturbance of each loop in each half of a sample period.
+        reach: largest |θ̂ − θ| that the controller allows for.
+        level: δ that the controller allows for.
+        q: reading errors at the samples, from the one before the first; None for exact
             positions and velocities.
     """
     at = [np.asarray(x) for x in motion(place).states(jnp.arange(TICKS) * H)]
@@ -69,8 +69,8 @@ def signs(count):
 CORNERS = LOWER[:, None] + (UPPER - LOWER)[:, None] * (signs(2) + 1) / 2
 INSIDE = np.array([[1.1], [0.4]])
 NONE, COUNT, LEVEL = 1e-15, 2e-4, 0.5
-# the cell of θ, the estimates θ̂, δ and the counts of the encoder: None for an exact sensor, and
-# how far away: there a difference of positions loses digits
+# cell of θ, estimates θ̂, δ, resolution of the encoder (None for an exact sensor), and initial
+# position: far from zero, a difference of positions loses digits
 SOURCES = {
     "nothing": (INSIDE, CENTRE[:, None], NONE, None, 0.0),
     "rounding": (INSIDE, CENTRE[:, None], NONE, 0.0, 1e3),
@@ -83,10 +83,14 @@ SOURCES = {
 
 @pytest.mark.parametrize("source", SOURCES)
 def test_no_loop_by_hand_leaves_the_tube_and_the_worst_ones_fill_it(source):
-    """At some tick each of position, velocity and input, where there is more than rounding."""
+    """No loop leaves the tube.
+
+    Position, velocity and input reach 85 % of the half-width in some sample, unless rounding is the
+    only source.
+    """
     thetas, hats, level, count, place = SOURCES[source]
     terms = (Term("m", "kg", (1.0, 1.5)), Term("d", "N", (-1.0, 1.5), Constant()))
-    # an estimate that may move is anywhere in the box
+    # with adaptation, an estimate may be anywhere in the box
     moves = source == "estimates"
     law = ARC(System(terms, ConstantBound(level)), K1, K2, EPSILON, jnp.full(2, float(moves)))
     cell = Range(*(end(thetas, axis=1)[None] for end in (np.min, np.max)))
@@ -110,7 +114,7 @@ def test_no_loop_by_hand_leaves_the_tube_and_the_worst_ones_fill_it(source):
     assert source in ("nothing", "rounding") or np.all(np.max(most, axis=1) > 0.85), most
 
 
-# what may change within a tick: its regressor, δ and the exact motion of a unit mass from y, v on
+# effects within a sample period: regressor, δ, θ, and initial y and v of a unit mass
 WITHIN = {
     "friction": (Viscous(), ConstantBound(NONE), 30.0, 0.0, 1.0),
     "spring": (Spring(), ConstantBound(NONE), 900.0, 0.02, 1.0),
@@ -120,7 +124,7 @@ WITHIN = {
 
 @pytest.mark.parametrize("name", WITHIN)
 def test_what_changes_within_a_tick_is_counted(name):
-    """Exact accelerations: of a friction, of a spring, and where δ grows once the axis is slow."""
+    """Exact motions with friction, with a spring, and with a δ that increases at low speed."""
     regressor, bound, theta, y, v = WITHIN[name]
     terms = (Term("m", "kg", (0.5, 2.0)), Term("k", "N", (0.0, 1e3), regressor))
     law = ARC(System(terms, bound), K1, K2, EPSILON, jnp.zeros(2))
@@ -144,7 +148,7 @@ def test_what_changes_within_a_tick_is_counted(name):
 
 
 def test_a_reading_is_within_the_error_of_its_encoder():
-    """At most half a count off, which some readings are."""
+    """The largest reading error is half a count, and some readings attain it."""
     encoder = Encoder(COUNT)
     y = jnp.linspace(-5 * COUNT, 5 * COUNT, 1001)
     off = float(jnp.max(jnp.abs(encoder.quantise(y) - y)))

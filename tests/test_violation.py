@@ -1,4 +1,4 @@
-"""How far a motion and an axis are beyond their limits, beside what a dense sampling sees of it."""
+"""Violations of the limits by a motion and by an axis, against a dense sampling."""
 
 import jax
 import jax.numpy as jnp
@@ -23,13 +23,13 @@ def limits(**tight):
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_of_each_limit_on_either_side(quantity, side, key):
-    """Ten random motions that turn between their knots; limits of unequal ends."""
+    """Random motions with extrema between their knots, and limits that are not symmetric."""
     for one in jax.random.split(key, 10):
         jerk = jax.random.uniform(one, (8,), minval=-50.0, maxval=50.0)
         motion = uniform(jnp.array([0.0, 1.0, -2.0]), jerk, T)
         times = jnp.linspace(0.0, 8 * T, 8 * 2000 + 1)
         values = dict(zip(QUANTITIES, (*motion.states(times), jerk), strict=True))[quantity]
-        # half of what it reaches on this side, and far away on the other
+        # one end at half of the extreme value, the other end far away
         interval = (
             (0.5 * float(values.min()), 1e4) if side == 0 else (-1e4, 0.5 * float(values.max()))
         )
@@ -43,7 +43,7 @@ def test_of_each_limit_on_either_side(quantity, side, key):
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_of_via_points_on_either_side(side):
-    """A position at half-time that is 0.3 short of what is asked, or 0.3 too far."""
+    """The position at half-time is 0.3 below the lower or above the upper end of a via point."""
     motion = uniform(jnp.zeros(3), jnp.full(4, 6.0), 0.5)  # y = t³
     lower, upper = jnp.full(3, -jnp.inf), jnp.full(3, jnp.inf)
     via = Via(0.5, lower.at[0].set((1.3, -2.0)[side]), upper.at[0].set((2.0, 0.7)[side]))
@@ -56,7 +56,7 @@ def test_of_via_points_on_either_side(side):
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("which", range(4))
 def test_of_an_axis_on_either_side(which, side):
-    """The middle of three ticks leaves one limit by a quarter of its half-width."""
+    """In the second of three samples one limit is exceeded by a quarter of its half-width."""
     tight = {"position": (-2.0, 2.0), "velocity": (-4.0, 4.0), "input": (-8.0, 8.0)}
     given = limits(**tight, input_rate=(-16.0, 16.0))
     ends = np.zeros((4, 2, 3))

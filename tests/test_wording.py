@@ -1,4 +1,4 @@
-"""Messages in the words of the axis file, formulas of models, and numbers with units."""
+"""Messages with the names of the axis file, models as formulas, and numbers with units."""
 
 import pytest
 from hypothesis import given
@@ -47,7 +47,7 @@ def of_users(position, velocity):
 
 
 class Drag(Regressor):
-    """A class of a user's, which says nothing of its formula."""
+    """A regressor of a user, which does not define its formula."""
 
     def __call__(self, position, velocity):
         return velocity**2

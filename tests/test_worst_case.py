@@ -53,7 +53,7 @@ def test_theorem_2_the_adversary_attains_the_bound_and_no_other_sign_does(seed):
         assert jnp.all(jnp.abs(worst) <= rows.delta)
         attained = float(g @ worst)
         assert abs(attained - bound[i]) <= 1e-12 * bound[i]
-        assert attained > bound[i] * (1 - 1e-9)  # a bound shrunk by 1e-9 is exceeded
+        assert attained > bound[i] * (1 - 1e-9)  # a bound smaller by 1e-9 would be exceeded
         flipped = attained - 2 * np.asarray(g * worst)
         assert np.all(flipped < attained)
 
@@ -90,7 +90,7 @@ def test_any_functional_of_the_parameters_has_its_exact_worst_case(seed):
 
 @given(seeds)
 def test_theorem_1_every_vertex_of_the_feasible_sets_lies_in_the_starred_set(seed):
-    """Vertices of Θ_Δy, for random Δ; Θ_y* is a zonotope: its support function decides."""
+    """The vertices of Θ_Δy for random Δ are in the zonotope Θ_y*, by a linear program."""
     rng = np.random.default_rng(seed)
     rows = random_rows(seed, n=8, m=2)
     phi, delta = np.asarray(rows.regressors), np.asarray(rows.delta)
@@ -109,11 +109,11 @@ def test_theorem_1_every_vertex_of_the_feasible_sets_lies_in_the_starred_set(see
                 found += 1
                 assert np.all(np.abs(vertex - theta) <= 2 * bound * (1 + 1e-9))
                 assert in_starred_set(vertex - theta, weights, delta)
-    assert found > 0  # the set holds θ, so it is not empty
+    assert found > 0  # the set contains θ, so it is not empty
 
 
 def in_starred_set(offset: np.ndarray, weights: np.ndarray, delta: np.ndarray) -> bool:
-    """Is offset = 2 G ε for some |ε| ≤ δ? A linear feasibility problem."""
+    """Return whether offset = 2 G ε for some |ε| ≤ δ."""
     bounds = [(-d * (1 + 1e-9), d * (1 + 1e-9)) for d in delta]
     result = linprog(np.zeros(delta.size), A_eq=2 * weights, b_eq=offset, bounds=bounds)
     return result.status == 0
@@ -130,9 +130,9 @@ def test_rounded_errors_are_never_below_the_exact_ones(seed, smoothing):
 
 
 def test_the_rounded_error_has_no_kink_where_a_weight_crosses_zero():
-    """A line through points: the slope's weight of the middle one changes its sign.
+    """In a straight-line fit, the weight of the middle point in the slope changes its sign.
 
-    Second differences of a smooth function shrink with the square of the step.
+    Second differences of a smooth function decrease with the square of the step.
     """
 
     def error(middle):

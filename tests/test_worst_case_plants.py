@@ -1,4 +1,4 @@
-"""Plants searched for are worse than random ones, and are plants of the box."""
+"""Worst-case plants from a search: they are in the prior box and worse than random ones."""
 
 import equinox as eqx
 import jax
@@ -40,7 +40,7 @@ def test_plants_searched_for_keep_the_box_and_the_bound(searched):
 
 
 def test_plants_searched_for_are_worse_than_random_ones(loop, motion, searched):
-    """On every side of every limit of speed and input, and by much against as many random ones."""
+    """Velocity and input are more extreme, at both ends, than those of as many random plants."""
     kinds = [NoDisturbance(), AgainstTracking(10.0)]
     random = random_scenarios(jax.random.key(1), motor.system(), kinds, TICKS, 12)
     found, others = (SampledPlants(loop, plants)(motion) for plants in (searched, random))
@@ -51,7 +51,7 @@ def test_plants_searched_for_are_worse_than_random_ones(loop, motion, searched):
 
 
 def test_excesses_are_those_of_the_envelope(loop, motion):
-    """Plant by plant the worst of all is what the envelope of all says; limits moved inwards."""
+    """The largest excess over all plants agrees with the envelope, for limits moved inwards."""
     limits = shrunk(motor.limits(), jnp.array([0.1, 0.2, 0.3]))
     np.testing.assert_allclose(limits.position, [0.0105, 0.3795], rtol=1e-12)
     np.testing.assert_allclose(limits.velocity, [-1.6, 1.6], rtol=1e-12)
@@ -82,7 +82,7 @@ def test_random_plants_do_not_depend_on_their_number():
 
 
 def test_a_loop_that_diverges_keeps_no_limit(motion):
-    """Its signals end as NaN, which a maximum over many of them passes over on some processors."""
+    """Its signals become NaN, which a maximum over many values ignores on some processors."""
     wild = eqx.tree_at(lambda c: c.epsilon, motor.controller(), jnp.asarray(1e-4))
     loop = ClosedLoop(wild, IdealSensor(), H, TICKS)
     plants = every(motor.system(), vertices(motor.system())[:2], [NoDisturbance()])

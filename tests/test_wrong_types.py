@@ -1,6 +1,6 @@
-"""Arguments of the wrong kind, as a user without a type checker passes them: sentences, no traces.
+"""Arguments of a wrong type give a message and no internal error, without a type checker.
 
-The tests run with types checked at run time; here a process runs without.
+The other tests check types at run time; this one starts a process that does not.
 """
 
 import json

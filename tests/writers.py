@@ -1,8 +1,8 @@
-"""Processes that write results, and are killed: a program of its own, without threads to fork.
+"""Processes that write results and are killed, in a program without threads, so that it can fork.
 
-`python -m tests.writers WHAT FOLDER` prints what is left, one JSON text per line, for a test to
-judge. A child is killed by SIGKILL before one change of the file system, each in turn, or at any
-time.
+`python -m tests.writers WHAT FOLDER` prints what is left in the folder, one JSON text per line. A
+child process is killed by SIGKILL before each change of the file system in turn, or at random
+times.
 """
 
 import itertools
@@ -29,7 +29,7 @@ CHANGES = {
 
 
 def begun(folder: Path) -> None:
-    """The old result with what a user put into it."""
+    """Write the old result, and files of a user in its folder."""
     write_result(folder, "design", PART, OLD, replace=True)
     for name, text in MINE.items():
         (folder / name).parent.mkdir(exist_ok=True, parents=True)
@@ -37,13 +37,16 @@ def begun(folder: Path) -> None:
 
 
 def snapshot(folder: Path) -> dict[str, str]:
-    """All files below a folder, hidden ones too."""
+    """Return all files below a folder, including hidden ones."""
     paths = (Path(at, name) for at, _, names in os.walk(folder) for name in names)
     return {str(path.relative_to(folder)): path.read_bytes().decode() for path in paths}
 
 
 def killed(do: Callable[[], object], moment: int) -> bool:
-    """Do it in another process, which is killed before this change of the file system."""
+    """Call `do` in a child process that is killed before the given change of the file system.
+
+    Return whether it was killed.
+    """
     child = os.fork()
     if child == 0:
         count = itertools.count()
@@ -63,7 +66,7 @@ def _ended(child: int) -> int:
 
 
 def moments(folder: Path) -> Iterator[dict[str, object]]:
-    """Killed at every moment; what is left, and what the next run makes of it."""
+    """Kill a writer before each change; yield what is left, what is read, and the next result."""
     for moment in itertools.count():
         begun(folder)
         more = killed(lambda: write_result(folder, "design", PART, NEW, replace=True), moment)
@@ -79,13 +82,13 @@ def moments(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def renames(folder: Path) -> Iterator[dict[str, object]]:
-    """The same where a system cannot exchange two folders in one step."""
+    """Do the same on a system that cannot exchange two folders in one step."""
     exchange._exchanged = lambda one, other: False
     yield from moments(folder)
 
 
 def times(folder: Path) -> Iterator[dict[str, object]]:
-    """Killed at any time, while it writes one result after the other; the first is done."""
+    """Kill a writer at random times after its first result, while it writes more of them."""
     chance = random.Random(0)
     begun(folder)
     for k in range(60):
@@ -105,14 +108,14 @@ def times(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def together(count: int, do: Callable[[int], object]) -> list[int]:
-    """In several processes that begin at once; their exit codes, 1 for what was refused."""
+    """Call `do` in several processes at once; return their exit codes, 1 for a refusal."""
     reader, writer = os.pipe()
     children = []
     for number in range(count):
         child = os.fork()
         if child == 0:
             os.close(writer)
-            os.read(reader, 1)  # ends when all are there
+            os.read(reader, 1)  # returns when all processes have started
             try:
                 do(number)
             except (ValueError, FileExistsError):
@@ -128,7 +131,7 @@ def together(count: int, do: Callable[[int], object]) -> list[int]:
 
 
 def first(folder: Path) -> Iterator[dict[str, object]]:
-    """Several write a new folder, which none may replace."""
+    """Let three processes write the same new folder, which none may replace."""
     for k in range(30):
         own = folder / str(k)
 
@@ -144,13 +147,13 @@ def first(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def first_unlocked(folder: Path) -> Iterator[dict[str, object]]:
-    """The same on a file system that locks no folder."""
+    """Do the same on a file system that cannot lock folders."""
     locks._lock = lambda descriptor, place, until, *, alone: False
     yield from first(folder)
 
 
 def last(folder: Path) -> Iterator[dict[str, object]]:
-    """Two replace what the other wrote; one reads; a user puts files in, by hand."""
+    """Let two processes replace each other's results, while one reads and a user adds files."""
     begun(folder)
 
     def work(number: int) -> None:
@@ -169,7 +172,7 @@ def last(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def parts(folder: Path) -> Iterator[dict[str, object]]:
-    """Two parts rest on one result, and are written at once: neither is lost."""
+    """Let two processes write two parts that depend on one result; both must be kept."""
     for k in range(20):
         place = folder / str(k)
         design = write_result(place, "design", PART, OLD)

@@ -23,7 +23,7 @@ from jaxid.search.effort import Effort
 from jaxid.search.problem import Report
 
 WANTED = "wanted"  # parameters of [wanted], each error relative to its accuracy
-FACTORS = (0.5, 2.0)  # of δ, for which predicted errors are reported too
+FACTORS = (0.5, 2.0)  # factors of δ, for which predicted errors are reported too
 
 
 class AxisDesign(NamedTuple):

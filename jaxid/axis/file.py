@@ -176,9 +176,10 @@ def _code(tables: AxisTables, path: Path) -> bytes:
 
 
 def _named(name: str, folder: Path) -> System:
-    """The system, or what a function without arguments returns, under a name module:object.
+    """Return the system, or the result of the function, that the name module:object refers to.
 
-    Code that cannot be run is refused in a sentence like all that is wrong with a file.
+    Raises:
+        ValueError: if the code cannot be run, or the object is no system.
     """
     module, _, attribute = name.partition(":")
     path = (folder / f"{module}.py").resolve()
@@ -187,7 +188,7 @@ def _named(name: str, folder: Path) -> System:
         "`python` must be module:object, with module.py in the folder of the file, but is "
         f"{name!r}.",
     )
-    # under a name of its own: two axes may call theirs alike
+    # a unique name: the modules of two axes may have the same one
     own = f"jaxid_axis_{hashlib.sha256(str(path).encode()).hexdigest()}"
     spec = importlib.util.spec_from_file_location(own, path)
     assert spec is not None

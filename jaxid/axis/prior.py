@@ -113,7 +113,7 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
     known = system.with_box(jnp.asarray(lower), jnp.asarray(upper))
     try:
         delta = MARGIN * _smallest(known, logs, found.residual)
-    except UnboundedVelocityError:  # by the error of the encoder, which makes the intervals wide
+    except UnboundedVelocityError:  # the encoder error makes the intervals wide
         raise ValueError(
             "Argument `recorded`: the encoder is too coarse for a fit of this log. It gives "
             f"{system.names[0]} = {found.theta[0]:.3g} ± {half[0]:.2g} {system.units[0]}, from "

@@ -171,7 +171,7 @@ def page(found: Simulated) -> bytes:
         plots.label(panel, "", f"margin ({of})", f"Margin of the {name}: {kept}")
         worst = float(np.min(margin[:DRAWN]))
         panel.axhline(0.0, color=plots.BLACK, linewidth=1.2)
-        if worst < 0:  # so that a small violation is seen
+        if worst < 0:  # so that a small violation is visible
             panel.set_ylim(1.5 * worst, max(-8 * worst, 0.02 * (high - low) / 2))
             panel.axhspan(1.5 * worst, 0.0, color=plots.RED, alpha=0.12, linewidth=0)
     for panel in panels[2:]:

@@ -1,7 +1,7 @@
-"""The nominal log of a motion, predicted before the motion is run: designs are made for it.
+"""The nominal log of a motion, predicted before the motion is run; designs are evaluated with it.
 
-It is that of an undisturbed axis at the centre of the prior box. The best weights hardly depend on
-where in the box the parameters are, or on the disturbance.
+It is the log of an undisturbed axis at the centre of the prior box. The optimal weights hardly
+depend on the disturbance, or on the true parameters within the box.
 """
 
 import abc

@@ -202,10 +202,10 @@ class _Search(NamedTuple):
 
 
 def _matching(task: Task, start: JerkTrajectory) -> JerkTrajectory:
-    """The start without padding.
+    """Return the start without padding.
 
     Raises:
-        ValueError: if it does not have the intervals of the task, or misses a state that is fixed.
+        ValueError: if it does not have the intervals of the task, or misses a fixed state.
     """
     motion = trimmed(start)
     alike = motion.jerk.size == task.intervals

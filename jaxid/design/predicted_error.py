@@ -32,7 +32,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.worst_case import affine_worst_case_error, bias, infinity
 from jaxid.search.problem import StagedObjective
 
-# rounding of the maximum over parameters, in units of the smoothing of jumps: with less of it, a
+# smoothing of the maximum over parameters, in units of the smoothing of jumps; with less of it, a
 # refinement would stall where the errors of two parameters are equal
 _CORNER = 30.0
 

@@ -7,7 +7,7 @@ from jaxid._text import at_most, quantity
 from jaxid.loop.log import Log
 from jaxid.model.system import System
 
-_ALIKE = 1.01  # ratio of two periods that are said to be those of one servo
+_ALIKE = 1.01  # largest ratio of two periods that count as those of one servo
 
 
 def assumptions(system: System, *logs: Log, delay: int = 0) -> tuple[str, ...]:
@@ -75,7 +75,7 @@ def _of_the_servos(logs: Sequence[Log], length: str, delay: int) -> Iterator[str
 
 
 def _by_servo(logs: Sequence[Log]) -> Iterator[list[Log]]:
-    """Yield the logs of each servo, by their periods: those of one encoder that differ by 1 %."""
+    """Yield the logs of each servo: those of equal resolution, with periods that differ by 1 %."""
     servo: list[Log] = []
     for log in sorted(logs, key=lambda log: (float(log.resolution), float(log.period))):
         if servo and (

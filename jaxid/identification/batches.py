@@ -1,8 +1,8 @@
 """Batches of many or long logs, for which one linear program would take minutes.
 
-Each batch is a linear program of its own, with the prior box that the batches before it leave. In
-the end all batches are processed once more together, with fewer weights per sample; if the logs are
-too long for that, the batches that are most informative together.
+Each batch has its own linear program, with the prior box narrowed by the batches before it. At the
+end all batches are processed once more together, with fewer weights per sample. If the logs are too
+long for that, only the batches that are most informative together are processed.
 """
 
 from collections.abc import Iterator, Sequence

@@ -17,7 +17,8 @@ from jaxid.model.system import System
 LEAST, MOST = 1e-3, 1e3  # smallest and largest factor of δ in the search
 _CLOSE = 1e-3  # relative accuracy of the factor
 _COARSE = 1000  # number of weights in the first search
-_WIDER = 1.03  # step beyond the factor of few weights: all find 2 or 3 % more for the motor
+# step after the search with few weights; all weights prove 2 to 3 % more for the motor
+_WIDER = 1.03
 _TINY = 1e-6
 
 
@@ -38,7 +39,7 @@ def smallest_factor(
     """
 
     def needed(factor: float, count: Knots) -> float:
-        """Of a multiple of δ once more; infinite where not even the brackets have room."""
+        """Return the further factor of δ needed beyond `factor`; inf if state bounds are empty."""
         try:
             logged = rows(jnp.asarray(factor))
         except InconsistentLogError:
@@ -47,7 +48,7 @@ def smallest_factor(
 
     few = min(_COARSE, knots) if isinstance(knots, int) else knots or _COARSE
     low, high, n_low = least, least, np.inf
-    for count in dict.fromkeys((few, knots)):  # a proof with few weights is one with all
+    for count in dict.fromkeys((few, knots)):  # a proof with few weights also holds with all
         while (n_high := needed(high, count)) > 1.0:
             if high == MOST:
                 return MOST

@@ -32,8 +32,8 @@ from jaxid.regression.estimate import Estimate
 Directions = dict[str, Float[np.ndarray, " m"]]
 Report = Callable[[str], None]
 _UNCHANGED = 1e-6  # relative: an interval that shrinks by less counts as unchanged
-_FAR_FROM_ONE = 0.5  # a factor below this is not raised above 1 by more weights
-_STEP = 1.1  # first step beyond δ, when a δ is looked for that does not contradict the data
+_FAR_FROM_ONE = 0.5  # more weights do not raise a factor below this above 1
+_STEP = 1.1  # first factor in the search for a δ that is consistent with the data
 _HALVINGS = 3  # of the interval between two steps
 
 
@@ -160,7 +160,7 @@ class _Progress:
 
     @property
     def consistent(self) -> bool:
-        """Whether nothing so far is proved to contradict the system."""
+        """Whether no inconsistency has been proved so far."""
         return self.factor <= 1 and self.refusal is None
 
     def add(self, logs: tuple[Log, ...], report: Report) -> None:
@@ -184,8 +184,8 @@ class _Progress:
     def process_together(self, report: Report) -> None:
         """Process all batches at once, or the most informative ones, if they are consistent.
 
-        If all batches are too long for that, each is processed once more, with what the others
-        have left of the box: the first ones have not been compared with those that follow.
+        If all batches are too long for that, each is processed once more with the box narrowed by
+        all of them: the first ones have not been compared with the later ones.
         """
         if not self.consistent:
             return
@@ -201,7 +201,7 @@ class _Progress:
         """Return the result of all batches.
 
         Raises:
-            InconsistentLogError: if they contradict the system.
+            InconsistentLogError: if the logs are inconsistent with the system.
         """
         if self.factor > 1:
             raise InconsistentLogError(
@@ -226,7 +226,7 @@ class _Progress:
         )
 
     def _narrow(self, logs: Sequence[Log], knots: int, report: Report) -> None:
-        """Narrow the box by some logs, as long as nothing contradicts the system."""
+        """Narrow the box by some logs, unless an inconsistency was proved before."""
         if not self.consistent:
             return
         weights = knots_by_length(knots, logs)
@@ -237,13 +237,13 @@ class _Progress:
             left = feasible_set(found.rows, [found.estimate], weights)
             self.estimates.append(found.estimate)
             self.known = narrowed_to(self.known, left.lower, left.upper)
-            # whatever explains the data with less than δ is in the box that δ leaves
+            # every θ that explains the data with a smaller δ is also in this box
             self.factor = max(self.factor, left.disturbance_factor)
-        except InconsistentLogError:  # more than the test of δ has found
+        except InconsistentLogError:  # not detected by the test of δ
             self._refuse(report)
 
     def _refuse(self, report: Report) -> None:
-        """Note an inconsistency, and find a δ that is needed: of several batches all together."""
+        """Note an inconsistency, and find the factor of δ that all batches together need."""
         report("smallest consistent disturbance bound")
         self.refusal = (
             "No parameter vector of the prior box explains the data, unless the disturbance bound "
@@ -286,11 +286,11 @@ class _Progress:
 
     @property
     def _with_room(self) -> System:
-        """The system with a δ that each batch is consistent with, proved to 1 %."""
+        """The system with a δ that is 1 % above the largest δ refuted so far, or δ itself."""
         return self.system.with_scaled_disturbance(max(1.0, 1.01 * self.factor))
 
     def _look(self, logs: Sequence[Log], knots: int) -> None:
-        """Keep the directions that neither these logs nor those before identify."""
+        """Keep the directions that are unidentifiable from these logs and from those before."""
         rows = rows_of_logs(self._with_room, logs)
         now = unidentifiable_directions(rows, knots_by_length(knots, logs))
         before = now if self.unidentifiable is None else self.unidentifiable

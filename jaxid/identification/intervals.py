@@ -1,7 +1,7 @@
 """Guaranteed intervals of the parameters by one fixed linear estimator, with encoder and servo.
 
-The weights are chosen without the inputs. Data that contradict the disturbance bound are not
-recognised here: `jaxid.identify` tests that first.
+The weights are chosen without the inputs. Data that are inconsistent with the disturbance bound are
+not detected here; `jaxid.identify` tests that first.
 """
 
 import functools
@@ -19,7 +19,7 @@ from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate
 
-# passes over the logs, each with the box that the one before leaves; a third one gains nothing
+# passes over the logs, each with the box of the pass before; a third one gains nothing
 PASSES = 2
 
 

@@ -61,7 +61,7 @@ def join_rows(parts: Sequence[RegressionRows]) -> RegressionRows:
     columns = tuple(
         all_of(lambda r, j=j: r.rows.columns[j], 0.0) for j in range(len(first.system.names))
     )
-    # their δ must not be zero: weights are sought in units of it
+    # their δ must not be zero: the linear programs divide by it
     rows = Rows(columns, all_of(lambda r: r.rows.delta, 1.0), all_of(lambda r: r.rows.measure, 0.0))
     channels = {name: _channel([part.channels[name] for part in parts]) for name in first.channels}
     delta = _spaced([part.delta for part in parts], _BETWEEN, 0.0)

@@ -26,9 +26,9 @@ from jaxid.regression.worst_case import Norm
 
 Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
 Knots = int | tuple[int, ...] | None  # most per log: one for all, one each, or one per row
-ITERATIONS = 10  # of the simplex method per row of a linear program: usual ones need 1.5 at most
+ITERATIONS = 10  # of the simplex method, per row of a linear program; usually 1.5 suffice
 _STOPPED = 1  # status of a linear program that reached its number of iterations
-KNOTS = 300  # at most; twice as many gain less than 1e-3 of the motor's bounds
+KNOTS = 300  # default maximum; twice as many reduce the bounds of the motor by less than 0.1 %
 
 
 def modulating(
@@ -145,7 +145,7 @@ class Program:
         """
         tilt = misfit @ self.basis / self.delta
         solution = self._solved(0.0, tilt, np.zeros_like(self.half_widths), most=1.0)
-        if solution.x is None:  # data far out of scale: nothing is proved
+        if solution.x is None:  # badly scaled data: no result
             return np.zeros(self.basis.shape[0])
         return self._weights(solution.x)
 
@@ -156,7 +156,7 @@ class Program:
         target: Float[np.ndarray, " m"],
         most: float | None = None,
     ) -> OptimizeResult:
-        """Min price·Σ|x| + xᵀtilt + Σ|S x| + Σ|target − moments·x|, with Σ|x| ≤ most."""
+        """Minimise price·Σ|x| + xᵀtilt + Σ|S x| + Σ|target − moments·x|, with Σ|x| ≤ most."""
         (m, count), noisy = self.moments.shape, self.spread.shape[0]
         bias = np.hstack([np.zeros((m, noisy)), np.eye(m), -np.eye(m)])
         free = sparse.hstack([-sparse.eye_array(noisy), sparse.csr_array((noisy, 2 * m))])

@@ -26,7 +26,7 @@ from jaxid.model.regressors import Viscous
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate, estimate
 
-# relative, added to a bound: far more than rounding of its sums; for readings see `Log`
+# relative margin of a bound for rounding of its sums; rounding of readings: see `Log`
 ROUNDED = 1e-9
 
 
@@ -156,7 +156,7 @@ def _columns(
     period: Scalar,
     middles: Iterable[Float[Array, " n"]],
 ) -> tuple[Float[Array, " n"], ...]:
-    """Φ̂: ÿ from positions, ẏ as measured, everything else in the middle of its range."""
+    """Return Φ̂: ÿ from positions, ẏ as measured, midpoints of ranges for all other regressors."""
     known = _viscous(system)
     forces = (velocity if j in known else f for j, f in enumerate(middles, start=1))
     return (jnp.diff(position, 2) / period**2, *forces)
@@ -229,6 +229,6 @@ def upper_ends(
     error = (disturbed + logged.shared(weights) + biased) * (1 + ROUNDED)
     box = jnp.abs(functionals) @ system.half_widths
     about = functionals @ system.centre
-    # a functional of zero is not limited by the box
+    # the result for a zero functional is not limited by the box
     least = jnp.where(box > 0, jnp.minimum(weights @ misfit + error, box), weights @ misfit + error)
     return about + least, jnp.abs(weights) @ logged.delta

@@ -1,4 +1,4 @@
-"""Residuals of logs beside the largest that the disturbance bound and the measurement allow."""
+"""Residuals of logs, and their largest values that are consistent with δ and measurement errors."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from jaxid.model.system import System
 
 _MEANS = 2000  # approximate number of means of all logs together, at most
 _FEWEST = 20  # means of a log, about
-_SHARE = 0.5  # of δ: the errors of the measurement that a mean may have
+_SHARE = 0.5  # limit of the measurement error of a mean, relative to δ
 
 
 class Residuals(NamedTuple):

@@ -18,7 +18,7 @@ from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.system import System
 
-_WINDOW = 12  # samples: positions farther apart bound a velocity less than nearer ones
+_WINDOW = 12  # samples: positions farther apart hardly improve the bound of a velocity
 _PASSES = 4  # iterations of velocity bounds from acceleration bounds and vice versa
 
 
@@ -90,7 +90,7 @@ def _state_bounds(system: System, log: Log) -> StateBounds:
     unread = jnp.where(jnp.append(True, known), 0.0, jnp.inf)
 
     def narrower(_: Any, found: StateBounds) -> StateBounds:
-        """With what velocities and accelerations say of each other."""
+        """Narrow velocities by accelerations, and accelerations by velocities."""
         velocity = found.velocity
         reading = log.reading_error(_around_samples(abs(velocity).upper, speed))
         position, acceleration = _within(system, log, velocity, reading)
@@ -99,7 +99,7 @@ def _state_bounds(system: System, log: Log) -> StateBounds:
         velocity = where(known, velocity & _between(at_samples, acceleration, h), velocity)
         return StateBounds(position, velocity, acceleration, reading)
 
-    # a loop and not four copies, which compile four times as long
+    # a loop, because four copies would take four times as long to compile
     first = StateBounds(position, velocity, acceleration, reading)
     return jax.lax.fori_loop(0, _PASSES, narrower, first)
 
@@ -111,11 +111,12 @@ def _around_samples(speed: Float[Array, " n"], top: Scalar) -> Float[Array, " sa
 
 
 def _top_speed(system: System, log: Log, mean: Float[Array, " n"]) -> Scalar:
-    """Return a V that the speed stays below, during the log and its jitter; inf if none is found.
+    """Return a V that bounds the speed during the log and its jitter; inf if none is found.
 
     Between two readings there is an instant with the mean velocity. As long as |ẏ| ≤ V from there
-    on, |ÿ| is at most A(V), so |ẏ| at most mean + h·A(V): if that is below V, V is never reached.
-    With jitter there may be less time between two readings, and more until the next sample ends.
+    on, |ÿ| ≤ A(V), so that |ẏ| ≤ mean + h·A(V). If that is below V, the speed never reaches V. With
+    jitter the time between two readings may be shorter, and the time until the next sample ends
+    longer.
     """
     h, jitter = log.period, log.jitter
     still = jnp.zeros(log.position.shape)
@@ -134,7 +135,7 @@ def _top_speed(system: System, log: Log, mean: Float[Array, " n"]) -> Scalar:
 def _within(
     system: System, log: Log, velocity: Range, reading: Float[Array, " samples"]
 ) -> tuple[Range, Range]:
-    """Position and acceleration during each tick, from the velocity; ÿ from (1)."""
+    """Return position, from the velocity, and acceleration by (1) during each sample period."""
     first, last = log.position[:-1], log.position[1:]
     velocity = jax.tree.map(lambda x: jnp.broadcast_to(x, first.shape), velocity)
     far = log.period * abs(velocity).upper / 2  # from the nearer end
@@ -201,7 +202,7 @@ def _from_windows(log: Log, acceleration: Range, reading: Float[Array, " samples
             found = found & (mean + (around(error) + moved))
         return found, after_it, before_it
 
-    # a loop and not a copy for each length, which compile twice as long
+    # a loop, because a copy for each length would take twice as long to compile
     zero = exactly(jnp.zeros(count))
     empty = _Sums(total=zero, gain=zero)
     first = around(jnp.full(count, jnp.inf)), empty, empty

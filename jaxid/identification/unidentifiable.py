@@ -1,4 +1,4 @@
-"""Unidentifiable directions of the parameters: those of which the motion shows nothing."""
+"""Unidentifiable directions of the parameters: those that a motion does not excite."""
 
 import numpy as np
 from jaxtyping import Float
@@ -29,9 +29,9 @@ def unidentifiable_directions(
 
 
 def _unseen(program: Program, index: int) -> Float[np.ndarray, " m"] | None:
-    """Return the simplest ν with ν_i = b_i that all weights leave possible; None if there is none.
+    """Return the simplest ν with ν_i = b_i that is consistent with all weights, or None.
 
-    In half-widths: |momentsᵀν − Sᵀe| ≤ 1 at every knot for some errors |e| ≤ 1 of the encoder.
+    In half-widths: |momentsᵀν − Sᵀe| ≤ 1 at every knot for some encoder errors |e| ≤ 1.
     """
     (m, count), noisy = program.moments.shape, program.spread.shape[0]
     rows = sparse.hstack([program.moments.T, -program.moments.T, program.spread.T])

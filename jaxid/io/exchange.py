@@ -1,9 +1,9 @@
 """Replacement of a folder as a whole: after a crash at any moment it is the old or the new one.
 
 The new folder is made beside the old one and takes its place in one step: `renameat2` of Linux with
-RENAME_EXCHANGE. Where there is no such step (another system, NFS) the old one is renamed away and
-the new one in: between the two there is none, for an instant, or until the next reader or writer
-puts it back if the process is killed just then. Neither way is there ever a mixture of the two.
+RENAME_EXCHANGE. Where this is not available (other systems, NFS), the old folder is renamed first,
+then the new one. Between both steps there is no folder for an instant. If the process is killed
+just then, the next reader or writer restores the old one. Files of both are never mixed.
 """
 
 import ctypes
@@ -20,8 +20,8 @@ from pathlib import Path
 from jaxid.io.locks import alone_in
 from jaxid.io.manifest import MANIFEST, manifest_in
 
-# Folders beside the one to write: an unfinished or obsolete one, and a replaced one. Only a process
-# that was killed leaves them; the next one removes them.
+# Marks in the names of folders beside the one to write: unfinished or obsolete, and replaced. Such
+# folders remain only if a process is killed; the next process removes them.
 _REFUSE, _OLD = "jaxid-new", "jaxid-old"
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2  # of linux/fcntl.h and linux/fs.h
 _NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)  # EPERM: a sandbox
@@ -108,12 +108,12 @@ def exchange(
         raise
     _sync(folder.parent)
     if not fresh:
-        with suppress(OSError):  # then the next process does
+        with suppress(OSError):  # otherwise the next process does it
             _retire(old, folder)
 
 
 def _appear(new: Path, folder: Path) -> None:
-    """Give a new folder its name."""
+    """Rename a new folder to its final name."""
     try:
         new.rename(folder)
     except OSError as error:
@@ -126,7 +126,7 @@ def _appear(new: Path, folder: Path) -> None:
 
 
 def _swap(new: Path, folder: Path, old: Path) -> None:
-    """Put a new folder into the place of another, which is renamed."""
+    """Put a new folder in the place of another one, which is renamed."""
     if _exchanged(new, folder):
         new.rename(old)
         return
@@ -189,7 +189,7 @@ def _carry(old: Path, new: Path, leave: Collection[str] = ()) -> None:
 
 
 def _rescue(old: Path, new: Path) -> None:
-    """Move files to the new folder that it does not have, or has in an older version."""
+    """Move files to the new folder that are missing there, or older there."""
     known = [manifest_in(place) for place in (old, new)]
     written = {MANIFEST}.union(*(one.files for one in known if one))
     for entry in old.iterdir():

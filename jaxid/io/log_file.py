@@ -104,7 +104,7 @@ def _read_csv(path: Path, wanted: Sequence[Column]) -> list[Float[np.ndarray, " 
 
 
 def _layout(path: Path) -> tuple[int, list[str], str, str]:
-    """Lines before the first row of numbers, names of columns, separator, decimal mark."""
+    """Return the number of header lines, the column names, the separator and the decimal mark."""
     before: list[str] = []
     with open(path, encoding="utf-8-sig", errors="replace") as file:
         for line in islice(file, _HEAD):
@@ -113,17 +113,17 @@ def _layout(path: Path) -> tuple[int, list[str], str, str]:
             numeric = bool(fields) and all(_is_number(field, decimal) for field in fields)
             if numeric and not _is_comment(line):
                 if separator != "," and any("," in later for later in islice(file, _HEAD)):
-                    decimal = ","  # a row of zeros has none
+                    decimal = ","  # the first row may have no decimal mark, such as a row of zeros
                 return len(before), _names(before, separator, len(fields)), separator, decimal
             before.append(line)
     raise ValueError(f"no row of numbers among its first {_HEAD} lines.")
 
 
 def _names(before: Sequence[str], separator: str, count: int) -> list[str]:
-    """Return the names of the columns: the first line with so many fields, or numbers.
+    """Return the names of the columns: from the first line with as many fields, otherwise numbers.
 
-    A comment line is used only if there is no other. A second line has the units; numbers in a
-    comment, such as a date, are no names.
+    A comment line is used only if there is no other line. A second such line contains units.
+    Numbers in a comment, such as a date, are not names.
     """
     for line in sorted(before, key=_is_comment):
         fields = _fields(line, separator)
@@ -147,10 +147,10 @@ def _fields(line: str, separator: str) -> list[str]:
 
 
 def _marks(line: str) -> tuple[str, str]:
-    """Separator and decimal mark of a row of numbers."""
+    """Return separator and decimal mark of a row of numbers."""
     text = _bare(line)
     words = text.split()
-    # commas inside words are decimal ones: 0,001 1,5
+    # commas inside words are decimal marks: 0,001 1,5
     parted = len(words) > 1 and not any(word[0] == "," or word[-1] == "," for word in words)
     marks = ";\t" if parted else ";\t,"
     separator = next((mark for mark in marks if mark in text), _BLANKS)

@@ -230,7 +230,7 @@ def heat_map(
     """
     ordinary = values[np.isfinite(values) & (values <= highest)]
     if ends is None:
-        top = min(highest, 1.0)  # any ends, if no value is finite
+        top = min(highest, 1.0)  # 1 if no value is finite
         ends = (ordinary.min(), ordinary.max()) if ordinary.size else (top / 2, top)
     if signed:
         ends = -max(map(abs, ends)), max(map(abs, ends))
@@ -255,7 +255,7 @@ def heat_map(
 
 
 def _readable(background: Sequence[float]) -> str:
-    """Black or white, whichever differs more in luminance from a colour (red, green, blue, …)."""
+    """Return black or white, whichever has more contrast to a colour (red, green, blue, …)."""
     luminance = float(np.dot(background[:3], (0.299, 0.587, 0.114)))  # ITU-R BT.601
     return BLACK if luminance > 0.5 else "white"
 

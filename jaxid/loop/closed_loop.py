@@ -112,7 +112,7 @@ def plant_violations(
         sides = axis_violations(limits, Envelope(*map(exactly, columns)))
         return jnp.stack([jnp.max(side) for side in sides])
 
-    # in batches: all signals of all plants at once would fill the memory
+    # in batches: the signals of all plants together would need too much memory
     return jax.lax.map(worst, (scenarios.theta, scenarios.disturbance), batch_size=16)
 
 
@@ -121,10 +121,10 @@ def _envelope(loop: ClosedLoop, scenarios: Scenarios, trajectory: JerkTrajectory
     ticks = loop.ticks_of(trajectory)
 
     def extremes(values: Float[Array, "k n"]) -> Range:
-        # at each tick of the motion: over plants, repeats and the steps within the tick
+        # per sample of the motion: over plants, repeats and steps within the sample period
         by_tick = values.reshape(values.shape[0], loop.repeats * loop.ticks, -1)
         apart = jax.vmap(ticks.by_repeat)(by_tick)
-        lost = jnp.isnan(apart)  # a loop that diverged may be anywhere
+        lost = jnp.isnan(apart)  # the range of a diverged loop is unbounded
         lower, upper = (jnp.where(lost, end, apart) for end in (-jnp.inf, jnp.inf))
         return Range(jnp.min(lower, (0, 1, 3)), jnp.max(upper, (0, 1, 3)))
 

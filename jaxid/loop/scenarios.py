@@ -44,7 +44,7 @@ class Scenarios(eqx.Module):
 
         if self.theta.shape[0] > 1:
             return jax.vmap(one)(self.theta, self.disturbance)
-        # a batch of one takes a quarter longer than no batch
+        # a batch of one takes 25 % longer than no batch
         only = one(*jax.tree.map(lambda x: x[0], (self.theta, self.disturbance)))
         return jax.tree.map(lambda x: x[None], only)
 
@@ -141,5 +141,5 @@ def random_scenarios(
 
 
 def _copies(disturbances: Sequence[Disturbance], count: int) -> tuple[Disturbance, ...]:
-    """Each array of each of them `count` times, along a new first axis."""
+    """Repeat each array of the disturbances `count` times, along a new first axis."""
     return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), tuple(disturbances))

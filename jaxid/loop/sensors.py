@@ -142,7 +142,7 @@ def _quantised(position: Float[Array, "*shape"], resolution: Scalar) -> Float[Ar
 
 @functools.partial(_quantised.defjvp, symbolic_zeros=True)
 def _without_slope(primals: tuple[Any, Any], tangents: tuple[Any, Any]) -> tuple[Any, Any]:
-    """The slope of steps is zero or infinite: what JAX makes of that through a loop is nonsense."""
+    """Refuse derivatives: those of steps are zero or infinite, and useless through a loop."""
     if not all(isinstance(tangent, SymbolicZero) for tangent in tangents):
         raise ValueError(
             "The position that an `Encoder` reads goes in steps of one count and has no "

@@ -18,10 +18,10 @@ from jaxid.loop.sensors import Sensor
 from jaxid.model.system import System, require_parameters
 from jaxid.motion.trajectory import States
 
-# Ralston's second-order tableau. All weights b are positive, so that means over a tick of
-# quantities that obey |Δ| ≤ δ obey it too. Ticks in which friction changes its sign limit the
-# accuracy: there the classical four stages are no better (both are within 1e-7 m of 40 steps per
-# tick) and take twice as long. The first stage is where the controller looks: it costs no friction.
+# Ralston's second-order tableau. All weights b are positive, so that means over a sample period
+# satisfy |Δ| ≤ δ too. The accuracy is limited by periods in which friction changes its sign: there
+# the classical four stages are no better (both are within 1e-7 m of 40 steps per period) and take
+# twice as long. The first stage is at the state that the controller uses, whose friction is known.
 NODES = (0.0, 2 / 3)
 WEIGHTS = (1 / 4, 3 / 4)
 
@@ -190,5 +190,5 @@ def _weighted(values: Sequence[Scalar]) -> Scalar:
 
 
 def _total(values: Sequence[Scalar]) -> Scalar:
-    # not `sum`, whose 0 to begin with would leave one operation more in every tick
+    # not `sum`: its initial 0 would add one operation to every sample
     return functools.reduce(operator.add, values)

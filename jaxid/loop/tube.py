@@ -1,37 +1,37 @@
-"""What the axis can do at most under ARC, proved: sampled control, encoder and all plants included.
+"""Proved ranges of the motion of an axis under ARC, for sampled control, encoder and all plants.
 
-Let y*, v*, a* be the reference, e = y − y*, s = v − v*, p = s + k₁e at the ticks, h the period, and
-K = k₂ + h(φ')²/4ε the feedback gain of (25)-(26). The controller reads y + q and v + g + n. An
+Let y*, v*, a* be the reference, e = y − y*, s = v − v*, p = s + k₁e at the samples, h the period,
+and K = k₂ + h(φ')²/4ε the feedback gain of (25)-(26). The controller reads y + q and v + g + n. An
 encoder has |q| ≤ half a count; its velocity is a difference, so that n = (q − q₋)/h, q₋ being the
-error of the tick before, and g = −(1/h)∫(t − t₋)v̇ dt over the tick before: the mean speed lags. For
-an exact sensor all three are zero. Hence
+error one sample before, and g = −(1/h)∫(t − t₋)v̇ dt over the period before: the mean speed lags.
+For an exact sensor all three are zero. Hence
 
     u = M̂(a* − k₁(s + g + n)) + θ̂_fᵀ f(as read) − K(p + g + n + k₁q)
 
-for one tick, in which M v̇ = u − θ_fᵀ f(y, v) − Δ. Integrated over the tick, with f̄ and Δ̄ the means
-of f and Δ, Δx* the change of the reference, and r = ∫₀ʰ(h − t)v̇ dt − (Δy* − h v*):
+for one period, in which M v̇ = u − θ_fᵀ f(y, v) − Δ. Integrated over it, with f̄ and Δ̄ the means of f
+and Δ, Δx* the change of the reference, and r = ∫₀ʰ(h − t)v̇ dt − (Δy* − h v*):
 
     s⁺ = s·(1 − λ) − (hKk₁/M)·e + (h/M)·X − Δv* − λn,     λ = h(M̂k₁ + K)/M
     p⁺ = p·(1 + b − hK/M) − k₁b·e + (h/M)·X − Δv* + k₁r − λn,     b = hk₁(1 − M̂/M)
     e⁺ = e·(1 − hk₁) + h·p + r
     X  = M̂(a* − k₁g) + θ̂_fᵀ f(as read) − K(g + k₁q) − θ_fᵀ f̄ − Δ̄
 
-Each is an identity. Noise that is differenced nearly cancels from tick to tick, so s and p are
-followed as s̃ = s + κq₋/h and p̃ = p + κq₋/h with any numbers κ that are known beforehand: −λn then
+Each is an identity. Differenced noise nearly cancels from sample to sample, so s and p are replaced
+by s̃ = s + κq₋/h and p̃ = p + κq₋/h, with any numbers κ that are known beforehand: −λn then
 becomes (λ − ακ)q₋/h + (κ⁺ − λ)q/h, α being the factor of s or p, and is small where κ is near λ.
-(The κ are numbers that do not depend on the plant: middles of ranges.)
+(The κ are midpoints of ranges, so that they do not depend on the plant.)
 
-If e, s̃, p̃ and g lie in ranges at a tick, interval arithmetic gives ranges at the next; s̃ and
-p̃ − k₁e are the same number, so what the range of either excludes is excluded. The right-hand sides
-are affine in each of 1/M, M̂ and K, the others held, so their extremes lie at ends of these. At
-t = 0 the axis rests where the reference is, so e = g = 0 and s = p = −v*: by induction the ranges
-hold at every tick, for every θ in the cell of Ω_θ that M and θ_f were taken from, every Δ within δ
-and every error of the sensor. The tube is the union over cells that cover Ω_θ: small ones lose
-little of what M, friction and p have to do with one another.
+If e, s̃, p̃ and g lie in ranges at a sample, interval arithmetic gives ranges at the next one. Since
+s̃ = p̃ − k₁e, the ranges of both are intersected. The right-hand sides are affine in each of 1/M, M̂
+and K with the others fixed, so their extremes lie at the ends of these. At t = 0 the axis rests at
+the start of the reference, so e = g = 0 and s = p = −v*: by induction the ranges hold at every
+sample, for every θ in the cell of Ω_θ that M and θ_f were taken from, every Δ within δ and every
+error of the sensor. The tube is the union over cells that cover Ω_θ; in small cells the dependence
+between M, friction and p is nearly kept.
 
-Within a tick f̄, Δ̄ and v̇ are bounded over speeds that the axis cannot leave in one tick: if |v̇| ≤ A
-as long as v stays within w of where it was, and hA ≤ w, then it does. Where no such w is found the
-tube is infinite.
+Within a period f̄, Δ̄ and v̇ are bounded over a range of speeds that the axis cannot leave: if |v̇| ≤ A
+as long as v is within w of its initial value, and hA ≤ w, then v stays within w. Where no such w is
+found, the tube is infinite.
 """
 
 import functools
@@ -113,7 +113,7 @@ class Tube(Prediction):
 
 
 class _State(NamedTuple):
-    """Ranges of e, s̃, p̃ and g at a tick, and the number κ."""
+    """Ranges of e, s̃, p̃ and g at a sample, and the number κ."""
 
     position: Range
     velocity: Range
@@ -123,7 +123,7 @@ class _State(NamedTuple):
 
 
 class _Now(NamedTuple):
-    """The reference at a tick, and its changes Δy* − h·v* and Δv* until the next."""
+    """The reference at a sample, and its changes Δy* − h·v* and Δv* until the next."""
 
     at: States
     bend: Scalar
@@ -187,7 +187,7 @@ def _one_cell(tube: Tube, now: _Now, theta: Range) -> Envelope:
 
 
 def _tick(cell: _Cell, state: _State, now: _Now) -> tuple[_State, Envelope]:
-    """The ranges at the next tick, and what the axis may do until then."""
+    """Return the ranges at the next sample, and the range of the motion until then."""
     law, h = cell.law, cell.period
     y, v, a = now.at
     shifted, differenced = around(state.shift * cell.jitter), around(2 * cell.jitter)
@@ -215,7 +215,7 @@ def _tick(cell: _Cell, state: _State, now: _Now) -> tuple[_State, Envelope]:
 def _next(
     cell: _Cell, state: _State, now: _Now, gain: Range, forces: Range, remainder: Range
 ) -> _State:
-    """The identities above; `forces` is θ̂_fᵀ f(as read) − θ_fᵀ f̄ − Δ̄, `remainder` r."""
+    """Evaluate the identities above; `forces` is θ̂_fᵀ f(as read) − θ_fᵀ f̄ − Δ̄, `remainder` r."""
     h, k1 = cell.period, cell.law.k1
     e, s, p, g, shift = state
     next_shift = _middle(gain, cell)
@@ -252,7 +252,7 @@ def _middle(gain: Range, cell: _Cell) -> Scalar:
 
 
 def _within(cell: _Cell, place: Range, speed: Range, u: Range) -> tuple[Range, Range, Range]:
-    """Speeds and accelerations during one tick, and −θ_fᵀ f − Δ."""
+    """Return ranges of speed, acceleration and −θ_fᵀ f − Δ during one sample period."""
     h, inverse = cell.period, cell.inverse_inertia
 
     def push(speed: Range) -> Range:
@@ -270,7 +270,7 @@ def _within(cell: _Cell, place: Range, speed: Range, u: Range) -> tuple[Range, R
 
 
 def _gain(law: ARC, place: Range, speed: Range, wanted: Range) -> Range:
-    """K of (25)-(26)."""
+    """Return the range of the feedback gain K of (25)-(26)."""
     phi = (wanted, *law.system.regressor_ranges(place, speed))
     delta = law.system.disturbance_bound.range(place, speed)
     h = sum((reach * abs(f) for reach, f in zip(law.reach, phi, strict=True)), start=delta)
@@ -278,7 +278,7 @@ def _gain(law: ARC, place: Range, speed: Range, wanted: Range) -> Range:
 
 
 def _forces(system: System, theta: tuple[Range, ...], place: Range, speed: Range) -> Range:
-    """θ_fᵀ f."""
+    """Return the range of θ_fᵀ f."""
     forces = system.regressor_ranges(place, speed)
     return sum((t * f for t, f in zip(theta[1:], forces, strict=True)), start=exactly(0.0))
 

@@ -14,12 +14,13 @@ from jaxid.model.system import System
 from jaxid.motion.limits import Limits
 from jaxid.motion.trajectory import JerkTrajectory
 
-_ROUNDS = 6  # sign steps; one nearly suffices if the loop tracks well: it is almost linear in Δ
+# steps by signs; one is nearly enough, because a loop that tracks well is almost linear in Δ
+_ROUNDS = 6
 _SIDES = 6  # position, velocity and input, each below and above
 
 
 class _Plants(eqx.Module):
-    """One plant, or as many as the leading axis has entries."""
+    """One plant, or several along a leading axis."""
 
     theta: Float[Array, "*k m"]
     shares: Float[Array, "*k n"]
@@ -52,7 +53,7 @@ def find_worst_case_plants(
     inner = random_parameters(first, system, count)
     which = jnp.arange(count)
     corners = jnp.where(inner > system.centre[None], system.upper[None], system.lower[None])
-    # every side is searched from corners and from inner points
+    # each side of each limit is searched from corners and from inner points
     theta = jnp.where((which // _SIDES % 2 == 0)[:, None], corners, inner)
     forces = random_forces(second, loop.ticks * loop.repeats, count)
     starts = _Plants(theta, forces.shares)
@@ -70,7 +71,7 @@ def _searched(
     sides: Int[Array, " k"],
 ) -> _Plants:
     def excess(plant: _Plants, side: Int[Array, ""]) -> Scalar:
-        """How far one limit is left at worst."""
+        """Return the largest violation of one side of a limit, relative to its range."""
         actual = Plant(system, plant.theta, Sequence(plant.shares))
         signals = loop(actual, trajectory)[1]
         columns = (signals.position, signals.velocity, signals.input)
@@ -81,12 +82,12 @@ def _searched(
         return jnp.stack(levels)[side]
 
     def one(start: _Plants, side: Int[Array, ""]) -> _Plants:
-        """The worst plant found from one start."""
+        """Return the worst plant found from one start."""
 
         def step(
             carry: tuple[_Plants, _Plants, Scalar], _: None
         ) -> tuple[tuple[_Plants, _Plants, Scalar], None]:
-            """To the corner that the slopes point to."""
+            """Move to the corner at the signs of the gradient, and keep the best plant so far."""
             plant, best, reached = carry
             value, slope = jax.value_and_grad(excess)(plant, side)
             better = value > reached
@@ -100,5 +101,5 @@ def _searched(
         better = excess(last, side) > reached
         return jax.tree.map(lambda a, b: jnp.where(better, a, b), last, best)
 
-    # in batches: the slopes over every tick of all plants at once would fill the memory
+    # in batches: the gradients of all plants together would need too much memory
     return jax.lax.map(lambda pair: one(*pair), (starts, sides), batch_size=10)

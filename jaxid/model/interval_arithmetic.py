@@ -19,7 +19,7 @@ Number = Real[ArrayLike, "..."]
 
 
 def _refused(sentence: str) -> Callable[..., NoReturn]:
-    """A method that raises a TypeError."""
+    """Return a method that raises a TypeError."""
 
     def method(*operands: Any) -> NoReturn:
         raise TypeError(sentence)
@@ -47,7 +47,7 @@ class Range(eqx.Module):
     lower: Values = eqx.field(converter=jnp.asarray)
     upper: Values = eqx.field(converter=jnp.asarray)
 
-    __array_ufunc__ = None  # NumPy then leaves `array * range` to the range
+    __array_ufunc__ = None  # NumPy then passes `array * range` to the range
 
     @property
     def middle(self) -> Values:

@@ -243,7 +243,8 @@ class System(eqx.Module):
 
 def _ends_of_intervals(terms: tuple[Term, ...], side: int) -> Float[Array, " m"]:
     intervals = [term.interval for term in terms]
-    if is_concrete(intervals):  # one array, not an operation per term: 0.08 instead of 0.6 ms
+    # one array instead of one operation per term: 0.08 ms instead of 0.6 ms
+    if is_concrete(intervals):
         return jnp.asarray(np.stack([np.asarray(interval)[side] for interval in intervals]))
     return jnp.stack([interval[side] for interval in intervals])
 

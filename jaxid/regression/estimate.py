@@ -92,5 +92,5 @@ def least_squares_estimate(record: Record, system: System) -> Estimate:
     """
     weights = least_squares(record.rows)
     m = weights.shape[0]
-    # (29) takes G Φ = I for granted
+    # (29) assumes G Φ = I
     return estimate(record, system, weights, bias=jnp.zeros((m, m), weights.dtype))

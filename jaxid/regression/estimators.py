@@ -50,7 +50,7 @@ class LeastSquares(Estimator):
     def __call__(
         self, rows: Rows, half_widths: Float[Array, " m"], norm: Norm | None = None
     ) -> Float[Array, "k n"]:
-        # δ may be zero elsewhere
+        # δ may be zero in rows that do not count
         trust = rows.measure / jnp.where(rows.counted, rows.delta, 1.0) ** self.power
         return least_squares(eqx.tree_at(lambda r: r.measure, rows, trust), norm)
 

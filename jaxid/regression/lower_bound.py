@@ -1,9 +1,10 @@
 """A proved lower bound on the error that any experiment and any estimator can guarantee.
 
-Whatever motion is run, u = Φ·centre may come from θ = centre + ν and from centre − ν alike if ν is
-in the prior box and |φ(y, ẏ, ÿ)ᵀν| ≤ δ(y, ẏ) at every state that the limits allow: then the error
-is cᵀν for one of the two (C. A. Micchelli and T. J. Rivlin, "A Survey of Optimal Recovery", 1977).
-The largest such cᵀν is a linear program with as many conditions as there are states.
+Let ν be in the prior box with |φ(y, ẏ, ÿ)ᵀν| ≤ δ(y, ẏ) at every state within the limits. Then
+u = Φ·centre may come from θ = centre + ν and from centre − ν, for every motion, and any estimate
+has an error of at least cᵀν for one of the two (C. A. Micchelli and T. J. Rivlin, "A Survey of
+Optimal Recovery", 1977). The largest such cᵀν is a linear program with as many conditions as there
+are states.
 
 It is solved on a few states, and where its ν violates a condition most, a state is added. The
 result does not depend on those states: the excess s = max |φᵀν|/δ over all states is bounded by
@@ -137,13 +138,14 @@ def _on_states(
         method="highs",
     )
     assert solution.x is not None  # ν = 0 keeps all conditions, and the box is bounded
-    return np.clip(solution.x, -1.0, 1.0) * box  # the solver keeps bounds only to a tolerance
+    # the solver satisfies bounds only up to a tolerance
+    return np.clip(solution.x, -1.0, 1.0) * box
 
 
 def _excess(
     system: System, limits: Limits, nu: Vector
 ) -> tuple[float, Float[np.ndarray, "states 2"]]:
-    """An upper bound of max |φᵀν|/δ over all states, at least 1, and states where it is largest."""
+    """Return an upper bound of max |φᵀν|/δ over all states, at least 1, and the worst states."""
     (y0, y1), (v0, v1) = np.asarray(limits.position), np.asarray(limits.velocity)
     cells = np.array([[y0, y1, v0, v1]])
     reached, proved, seen = 1.0, 1.0, [np.zeros((0, 3))]
@@ -166,7 +168,7 @@ def _excess(
 
 
 class _Look(NamedTuple):
-    """Bounds of |φᵀν|/δ per cell, its value in the middle, and bounds without each side."""
+    """Bounds of |φᵀν|/δ per cell, its value at the centre, and bounds with fixed y or fixed ẏ."""
 
     upper: PerCell
     middle: PerCell
@@ -198,7 +200,7 @@ def _ratios(
 def _ratio(
     system: System, nu: Float[Array, " m"], acceleration: Range, position: Range, velocity: Range
 ) -> Float[Array, " cells"]:
-    """An upper bound of |φᵀν|/δ while the state stays in its ranges."""
+    """Return an upper bound of |φᵀν|/δ over ranges of the state."""
     forces = system.regressor_ranges(position, velocity)
     total = sum((n * f for n, f in zip(nu[1:], forces, strict=True)), start=nu[0] * acceleration)
     ratio = abs(total).upper / system.disturbance_bound.range(position, velocity).lower

@@ -37,7 +37,7 @@ from jaxid.loop.record import Rows
 from jaxid.model.system import Tree
 from jaxid.regression.worst_case import Norm, affine_worst_case_error, bias
 
-_GAP = 1e-11  # relative, small enough to stop
+_GAP = 1e-11  # relative gap at which the search stops
 _STEPS = 100  # at most; 5 to 20 are usual
 _ROUNDED = 1e-13  # tolerance of |aᵀz| ≤ 1
 _TILT = 1e-12  # relative perturbation of d, so that no entry of x is zero (no degenerate step)
@@ -97,7 +97,7 @@ def _minimax(rows: Rows, half_widths: Float[Array, " m"], norm: Norm) -> Optimum
     dual = _feasible(direction, *fixed[:2])
     remainder = bias(weights, fixed[0], fixed[2])
     slope = _lagrangian(weights, dual, remainder, rows, half_widths, norm)
-    slope = slope - stop_gradient(slope)  # zero, but not its derivative
+    slope = slope - stop_gradient(slope)  # zero, with the derivative of the Lagrangian
     error = affine_worst_case_error(weights, *fixed) + _rounding(weights, *fixed)
     parts = fixed[2].functionals * dual
     least = jnp.sum(parts, axis=1) - _relative(parts) * jnp.sum(jnp.abs(parts), axis=1)
@@ -112,7 +112,7 @@ def _lagrangian(
     half_widths: Float[Array, " m"],
     norm: Norm,
 ) -> Float[Array, " k"]:
-    """Σ|g|δ + |remainder|·b + ν·(c − Φᵀg): its slope at the optimum is that of the least error."""
+    """Return Σ|g|δ + |remainder|·b + ν·(c − Φᵀg), whose gradient is that of the least error."""
     paid = jnp.abs(weights) @ rows.delta + jnp.abs(remainder) @ half_widths
     return paid + jnp.sum(dual * bias(weights, rows, norm), axis=1)
 
@@ -129,7 +129,7 @@ def _optimal(
 
 
 def _counted(rows: Rows) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, " n"]]:
-    """Columns and δ, with 0 ≤ 1 in rows that have no measure."""
+    """Return columns and δ; rows of measure zero become the condition 0 ≤ 1."""
     counts = rows.counted
     columns = tuple(jnp.where(counts, column, 0.0) for column in rows.columns)
     return columns, jnp.where(counts, rows.delta, 1.0)
@@ -138,7 +138,7 @@ def _counted(rows: Rows) -> tuple[tuple[Float[Array, " n"], ...], Float[Array, "
 def _feasible(
     direction: Float[Array, "k m"], rows: Rows, half_widths: Float[Array, " m"]
 ) -> Float[Array, "k m"]:
-    """The longest ν of each direction that keeps all bounds, in spite of rounding."""
+    """Return the longest ν in each direction that keeps all bounds, rounding included."""
     columns, delta = _counted(rows)
     rounded = _relative(direction)
 
@@ -154,20 +154,20 @@ def _feasible(
 def _rounding(
     weights: Float[Array, "k n"], rows: Rows, half_widths: Float[Array, " m"], norm: Norm
 ) -> Float[Array, " k"]:
-    """How much rounding may hide of a worst-case error: a share of the sum of all its parts."""
+    """Return an upper bound of the rounding error of a worst-case error."""
     sizes = eqx.tree_at(lambda r: r.columns, rows, tuple(jnp.abs(c) for c in rows.columns))
-    functionals = -jnp.abs(norm.functionals)  # so that nothing cancels
+    functionals = -jnp.abs(norm.functionals)  # so that all terms have one sign
     parts = affine_worst_case_error(jnp.abs(weights), sizes, half_widths, Norm(functionals))
     return _relative(functionals) * parts
 
 
 def _relative(vectors: Float[Array, "k m"]) -> float:
-    """More than a sum of products over m entries, as ν or the m weights of a row, can be off."""
+    """Return an upper bound of the relative rounding error of a sum of products over m entries."""
     return (vectors.shape[1] + 4) * float(jnp.finfo(vectors.dtype).eps)
 
 
 class _Primal(NamedTuple):
-    """The m entries of an x that may be nonzero, with their columns."""
+    """The m possibly nonzero entries of an x, with their columns and worst-case error."""
 
     columns: Int[Array, " m"]
     x: Float[Array, " m"]
@@ -178,7 +178,7 @@ class _Primal(NamedTuple):
 
 
 class _Dual(NamedTuple):
-    """A z within its bounds."""
+    """A feasible z, with its lower bound."""
 
     z: Float[Array, " m"]
     lower_bound: Scalar
@@ -192,9 +192,9 @@ def _chosen(condition: Bool[Array, ""], new: Tree, old: Tree) -> Tree:
 
 
 class _State(NamedTuple):
-    """The state of the exchange: the next columns, the tilt of d, and the best x and z so far.
+    """The state of the exchange: the next columns, the perturbation of d, the best x and z so far.
 
-    The best x and the best z may be of different steps.
+    The best x and the best z may be from different steps.
     """
 
     columns: Int[Array, " m"]
@@ -208,13 +208,13 @@ class _State(NamedTuple):
 def _exchange(
     A: Float[Array, "m N"], d: Float[Array, " m"]
 ) -> tuple[Float[Array, " N"], Float[Array, " m"], Int[Array, ""]]:
-    """X with A x = d of least ‖x‖₁, and z with ‖Aᵀz‖_∞ = 1 that proves it; A ends with I."""
+    """Return x with A x = d of least ‖x‖₁, and z with ‖Aᵀz‖_∞ ≤ 1 as its proof; A ends with I."""
     m, N = A.shape
-    # a generic direction; the perturbation shrinks to zero in the end
+    # a generic direction; the perturbation is reduced to zero at the end
     direction = jnp.max(jnp.abs(d)) * (1 + (jnp.arange(1.0, m + 1) * jnp.sqrt(5.0)) % 1)
 
     def step(state: _State) -> _State:
-        """Exchange one column, or have done."""
+        """Exchange one column, or reduce the perturbation if the columns are optimal."""
         columns, tilt = state.columns, state.tilt
         basis = A[:, columns]
         inverse = jnp.linalg.inv(basis)
@@ -224,7 +224,7 @@ def _exchange(
         reach = z @ A
         entering = jnp.argmax(jnp.abs(reach))
         excess = jnp.abs(reach[entering])
-        missed = jnp.sum(jnp.abs(d - basis @ x))  # rounding, taken by the columns of the box
+        missed = jnp.sum(jnp.abs(d - basis @ x))  # rounding error, added by the columns of the box
         primal = state.primal.or_better(_Primal(columns, x, jnp.sum(jnp.abs(x)) + missed))
         dual = state.dual.or_better(_Dual(z / excess, z @ d / excess))
         optimal = excess <= 1 + _ROUNDED
@@ -255,9 +255,9 @@ def _exchange(
 
 
 def _leaving(x: Float[Array, " m"], change: Float[Array, " m"], excess: Scalar) -> Int[Array, ""]:
-    """Which entry is zero where ‖x − t·change‖₁ + t is least: it falls by excess − 1 at first.
+    """Return the index of the entry that is zero at the minimum of ‖x − t·change‖₁ + t over t.
 
-    Each |x_j| that passes zero adds 2·|change_j| to the slope.
+    The slope starts at 1 − excess, and each |x_j| that passes zero adds 2·|change_j|.
     """
     shrinks = jnp.sign(x) * change > 0
     zero = jnp.where(shrinks, x / jnp.where(shrinks, change, 1.0), jnp.inf)

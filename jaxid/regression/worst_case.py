@@ -106,7 +106,8 @@ def smooth_worst_case_error(
         smoothing: smoothing parameter, dimensionless; zero gives the exact error.
     """
     measure = rows.measure[None, :]
-    density = weights**2 / jnp.where(measure > 0, measure, 1.0)  # no measure, no weight
+    # rows of measure zero have no weight
+    density = weights**2 / jnp.where(measure > 0, measure, 1.0)
     corner = smoothing**2 * jnp.sum(density, axis=1, keepdims=True) / jnp.sum(measure)
     # √0 has no derivative
     square = weights**2 + corner * measure**2
@@ -185,7 +186,7 @@ def require_informative(rows: Rows, names: tuple[str, ...], scale: Float[Array, 
     """
     P = information(rows) * jnp.outer(scale, scale)
     values, vectors = jnp.linalg.eigh(P)
-    # eigh resolves values down to rounding of the largest; a thousand times that is not information
+    # eigenvalues below 1000 rounding errors of the largest one count as zero
     if float(values[0]) > 1e3 * jnp.finfo(P.dtype).eps * float(values[-1]):
         return
     blind = vectors[:, 0] * scale

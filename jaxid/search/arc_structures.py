@@ -19,7 +19,7 @@ from jaxid.search.problem import Problem
 
 # constant speeds per motion, motions per population, and populations per batch
 _DWELLS, MEMBERS, _POPULATIONS = 7, 12, 8
-# uniform numbers that a child is made from: drawn together, since every draw costs compilation
+# uniform random numbers per child, drawn together to save compilation
 _CHOICES = 8 + _DWELLS
 # smoothing of the objective: the same as at the start of the descent
 _SMOOTHING = 0.003
@@ -53,7 +53,7 @@ def evolve_arcs(
     Returns:
         Coordinates in `space`, one row per population.
     """
-    # one compilation for a batch, whatever the number of populations
+    # batches of one size need a single compilation
     keys = jax.random.split(key, -(-count // _POPULATIONS))
     batches = [_evolve(key, problem, space, generations) for key in keys]
     return jnp.concatenate(batches)[:count]
@@ -78,7 +78,7 @@ def _evolve(
     def generation(
         carry: tuple[Arcs, Float[Array, "populations members"]], key: PRNGKeyArray
     ) -> tuple[tuple[Arcs, Float[Array, "populations members"]], None]:
-        """Each member, or a better one of its population, has a child that may replace it."""
+        """Let each member, or a better one of its population, have a child that may replace it."""
         members, values = carry
         u = jax.random.uniform(key, (*values.shape, 2 + _CHOICES))
         met, mate = jnp.moveaxis(_choice(u[..., :2], MEMBERS), -1, 0)
@@ -98,7 +98,7 @@ def _evolve(
     keys = jax.random.split(key, generations + 1)
     u = jax.random.uniform(keys[0], (4, count, MEMBERS, _DWELLS))
     members = Arcs(_random_speed(u[0], u[1], u[2], limits), -jnp.log1p(-u[3]))
-    unknown = jnp.full((count, MEMBERS), jnp.inf)  # so that every first child is taken
+    unknown = jnp.full((count, MEMBERS), jnp.inf)  # so that every first child is accepted
     (members, values), _ = jax.lax.scan(generation, (members, unknown), keys[1:])
     best = _take(members, jnp.argmin(values, axis=1)[:, None])
     return jax.vmap(lambda one: coordinates(jax.tree.map(lambda x: x[0], one)))(best)

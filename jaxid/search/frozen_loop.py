@@ -121,7 +121,7 @@ def _worst_of_groups(side: Float[Array, " ticks"], count: int) -> Float[Array, "
 
 
 def _asked(system: System, trajectory: JerkTrajectory, ticks: int) -> Envelope:
-    """Return the states of a motion after each sample, and its input at the start of each."""
+    """Return the states of a motion at the end of each sample, and the input at its start."""
     period = trajectory.duration / ticks
     states = trajectory.states(jnp.arange(ticks + 1) * period)
     position, velocity = (exactly(x[1:]) for x in (states.position, states.velocity))

@@ -17,7 +17,7 @@ from jaxid.motion.motion_space import MotionSpace
 Jerk = Float[np.ndarray, " n"]
 Knots = Float[np.ndarray, " knots"]
 
-# |a|/a_max of a constant speed, about; most intervals moved at once; most moves per start
+# scale of |a|/a_max for nearly constant speeds; most intervals per move; most moves per start
 _DWELL, _PIECE, _MOVES = 0.05, 6, 3
 # random change of a rearranged start, in normalised coordinates
 _SPREAD = 0.1
@@ -111,7 +111,7 @@ def _move(rng: np.random.Generator, jerk: Jerk, period: float, acceleration: flo
 
 
 def _business(jerk: Jerk, period: float, acceleration: float) -> Knots:
-    """Return |a|/a_max at the knots of a motion that starts without acceleration."""
+    """Return |a|/a_max at the knots of a motion that starts with zero acceleration."""
     return np.abs(np.append(0.0, np.cumsum(jerk) * period)) / acceleration
 
 

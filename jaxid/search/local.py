@@ -68,7 +68,7 @@ def improve(
 
 
 def _still(problem: Problem, trajectory: JerkTrajectory) -> Problem:
-    """Return the problem with the axis' deviations from its motion fixed: no simulation needed."""
+    """Return the problem with fixed deviations of the axis from its motion, without simulation."""
     if problem.axis is None:
         return problem
     axis = freeze(problem.axis, problem.limits, trajectory)
@@ -79,14 +79,14 @@ def _still(problem: Problem, trajectory: JerkTrajectory) -> Problem:
 def _quasi_newton(
     problem: Problem, space: MotionSpace, z: Float[Array, " d"], effort: Effort
 ) -> Float[Array, " d"]:
-    """L-BFGS with a line search on an augmented Lagrangian."""
+    """Return coordinates improved by L-BFGS steps on an augmented Lagrangian."""
     penalty, smoothing = jnp.asarray(effort.newton_penalty), jnp.asarray(effort.newton_smoothing)
     method = optax.lbfgs()
 
     def round_of_steps(
         carry: tuple[Float[Array, " d"], Multipliers], _: None
     ) -> tuple[tuple[Float[Array, " d"], Multipliers], None]:
-        """Steps with the multipliers fixed, which are pushed then."""
+        """Take some steps with fixed multipliers, then update the multipliers."""
         z, multipliers = carry
 
         def lagrangian(z: Float[Array, " d"]) -> Scalar:
@@ -97,7 +97,7 @@ def _quasi_newton(
         def step(
             carry: tuple[Float[Array, " d"], optax.OptState], _: None
         ) -> tuple[tuple[Float[Array, " d"], optax.OptState], None]:
-            """One step, its length by a line search."""
+            """Take one step, its length by a line search."""
             z, state = carry
             value, grad = value_and_grad(z, state=state)
             update, state = method.update(

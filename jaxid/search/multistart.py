@@ -107,7 +107,7 @@ def _refined(
         reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
         finalists.append((float(reached), k, motion))
         show(motion)
-    value, _, best = min(finalists)  # k decides between equals
+    value, _, best = min(finalists)  # k orders motions of equal value
     return value, best
 
 

@@ -52,7 +52,7 @@ def interior_motion(
             break
         if (outside := float(problem.violation(found))) < beyond:
             best, beyond = found, outside
-    if not beyond < 0:  # no number, if the axis diverges
+    if not beyond < 0:  # also if it is NaN because the axis diverges
         raise ValueError(
             f"Argument `limits`: the axis leaves them by {beyond:.2g} half-widths even on the "
             f"gentlest motion tried ({intervals} intervals of {period:g} s): allow a longer motion."

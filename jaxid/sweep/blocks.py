@@ -227,7 +227,7 @@ def _write(work: Work, folder: Path, number: int, values: Values) -> None:
 
 
 def _read(folder: Path, number: int) -> tuple[str, Values]:
-    """The fingerprint and the arrays of a block."""
+    """Return the fingerprint and the arrays of a block."""
     with np.load(io.BytesIO(_path(folder, number).read_bytes())) as block:
         values = dict(block)
     return str(values.pop(_FINGERPRINT)), values

@@ -184,12 +184,12 @@ def _identified(grid: Grid, record: Record, theta: Float[Array, " m"]) -> dict[s
             "outside": ~inside,
         }
 
-    # one after the other: together they do not fit into the cache, and take three times as long
+    # one after the other: together they do not fit into the cache and take three times as long
     return jax.lax.map(one, grid.bandwidths)
 
 
 def _extremes(signals: Signals, running: Bool[Array, " n"]) -> dict[str, Array]:
-    """Over the ticks of the motion, and the end of the last one."""
+    """Return the extremes over the samples of the motion, including its end."""
     until_end = jnp.append(running[:1], running)
     error = signals.position[:-1] - signals.reference.position
     found = {"tracking_error": jnp.max(jnp.abs(_span(error, running)))}
@@ -203,7 +203,7 @@ def _extremes(signals: Signals, running: Bool[Array, " n"]) -> dict[str, Array]:
 
 
 def _span(values: Float[Array, " n"], counted: Bool[Array, " n"]) -> Float[Array, "2"]:
-    """The lowest and the highest of some values; a maximum of XLA's alone may pass over NaN."""
+    """Return the smallest and largest value, infinite if any is not finite: XLA may ignore NaN."""
     lowest = jnp.min(jnp.where(counted, values, jnp.inf))
     highest = jnp.max(jnp.where(counted, values, -jnp.inf))
     finite = jnp.all(jnp.isfinite(values) | ~counted)
