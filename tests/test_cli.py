@@ -359,3 +359,15 @@ axis = jd.System(terms, jd.ConstantBound(0.2), "V")
     said = refused(capsys, "design", *arguments)
     assert "`python`: " in said
     assert len(said.splitlines()) == 1
+
+
+def test_a_sentence_of_the_library_about_files_is_kept(tmp_path, capsys, monkeypatch):
+    """What must be put back by hand is told, which has no file name of the system's own."""
+
+    def lost(*arguments, **named):
+        raise FileNotFoundError("The folder is in .out.old: move it back by hand.")
+
+    (tmp_path / "axis.toml").write_text(example("linear"))
+    monkeypatch.setattr(commands, "require_writable", lost)
+    said = refused(capsys, "design", tmp_path / "axis.toml", "--out", tmp_path / "out")
+    assert said.strip() == "jaxid: The folder is in .out.old: move it back by hand."

@@ -240,15 +240,8 @@ def main(arguments: list[str] | None = None) -> None:
             args=arguments,
             config=(tyro.conf.FlagCreatePairsOff,),
         )
-    except FileNotFoundError as error:
-        place = Path.cwd() if error.filename is None else Path(error.filename).absolute().parent
-        print(
-            f"jaxid: there is no file {Path(error.filename or '?').name} in {place}.",
-            file=sys.stderr,
-        )
-        raise SystemExit(1) from None
     except OSError as error:
-        print(f"jaxid: {error.filename} cannot be used: {error.strerror}.", file=sys.stderr)
+        print(f"jaxid: {_of_place(error)}", file=sys.stderr)
         raise SystemExit(1) from None
     except ValueError as error:
         from jaxid.axis.wording import in_words_of_files
@@ -258,6 +251,16 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         print("jaxid: interrupted; no file was left half-written", file=sys.stderr)
         raise SystemExit(130) from None
+
+
+def _of_place(error: OSError) -> str:
+    """Return an error of the file system as a sentence; the library has its own sentences."""
+    if error.filename is None:
+        return str(error)
+    path = Path(error.filename)
+    if isinstance(error, FileNotFoundError):
+        return f"there is no file {path.name} in {path.absolute().parent}."
+    return f"{path} cannot be used: {error.strerror}."
 
 
 def _require_seed(seed: int) -> None:
