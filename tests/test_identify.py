@@ -7,7 +7,6 @@ import pytest
 import jaxid as jd
 from experiments.axes import linear_motor as motor
 from jaxid.identification import identify as door
-from jaxid.identification import modulating_functions
 from jaxid.identification.batches import BatchSizes, batches, most_informative, samples_per_weight
 from jaxid.identification.falsification import LEAST, MOST
 from jaxid.identification.identify import identify
@@ -342,8 +341,8 @@ def test_a_log_must_be_finite(parts, bad):
         Log(log.input.at[3].set(bad), log.position, log.period, log.resolution)
 
 
-def test_a_program_that_the_simplex_method_does_not_solve_ends(monkeypatch):
-    """The log is undisturbed, with zero friction, and is solved by the interior-point method.
+def test_a_program_that_the_simplex_method_does_not_solve_ends():
+    """The log is undisturbed, with zero friction: its linear programs are degenerate.
 
     The simplex method of HiGHS made no progress in 270,000 steps (15 s).
     """
@@ -357,21 +356,13 @@ def test_a_program_that_the_simplex_method_does_not_solve_ends(monkeypatch):
         jd.ConstantBound(5.0),
         "N",
     )
-    theta, used = (8.0, 120.0, 0.0, 90.0), []
+    theta = (8.0, 120.0, 0.0, 90.0)
     jerk = np.repeat(np.random.default_rng(0).choice([-40.0, 0.0, 40.0], 30), 2)
     motion = uniform(jnp.array([0.3, 0.0, 0.0]), jnp.asarray(jerk), 0.02)
     controller = jd.PDFeedforward(system, system.centre, kp=50000.0, kd=1500.0)
     log = run(
         jd.Plant(system, theta, NoDisturbance()), controller, jd.Servo(0.001, 1e-6), motion
     ).log
-    solve = modulating_functions.linprog
-
-    def noted(*arguments, method, **options):
-        used.append(method)
-        return solve(*arguments, method=method, **options)
-
-    monkeypatch.setattr(modulating_functions, "linprog", noted)
     found = identify(system, log)
-    assert "highs-ipm" in used
     assert np.all((found.lower <= np.array(theta)) & (np.array(theta) <= found.upper))
     assert found.upper[2] < 6

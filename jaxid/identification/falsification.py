@@ -17,8 +17,7 @@ from jaxid.model.system import System
 LEAST, MOST = 1e-3, 1e3  # smallest and largest factor of δ in the search
 _CLOSE = 1e-3  # relative accuracy of the factor
 _COARSE = 1000  # number of weights in the first search
-# step after the search with few weights; all weights prove 2 to 3 % more for the motor
-_WIDER = 1.03
+_WIDER = 1.03  # step of the search; all weights prove 2 to 3 % more than few ones for the motor
 _TINY = 1e-6
 
 
@@ -46,16 +45,70 @@ def smallest_factor(
             return np.inf
         return needed_factor(logged, *program_of(logged, count))
 
-    few = min(_COARSE, knots) if isinstance(knots, int) else knots or _COARSE
-    low, high, n_low = least, least, np.inf
-    for count in dict.fromkeys((few, knots)):  # a proof with few weights also holds with all
-        while (n_high := needed(high, count)) > 1.0:
-            if high == MOST:
-                return MOST
-            low, n_low = high, n_high
-            high = min(high * max(n_high, _WIDER), MOST)
-        low, high = _closed_in(partial(needed, count=count), (low, n_low), (high, n_high))
+    low, first = least, max(1.0, least)
+    for count in dict.fromkeys((_few(knots), knots)):  # a proof with few weights holds with all
+        low, first = _searched(partial(needed, count=count), low, first)
     return low
+
+
+def _few(knots: Knots) -> Knots:
+    """Return numbers of weights for the first search."""
+    if isinstance(knots, tuple):
+        share = min(_COARSE / max(sum(knots), 1), 1.0)
+        return tuple(max(int(share * own), 2) for own in knots)
+    return _COARSE if knots is None else min(_COARSE, knots)
+
+
+def _searched(needed: Callable[[float], float], least: float, first: float) -> tuple[float, float]:
+    """Return two factors of δ 0.1 % apart: less than the lower is refuted, the upper is not.
+
+    Both are `MOST` if everything is refuted, and `least` if nothing is.
+
+    Args:
+        needed: function that returns the further factor of δ that is needed at a factor; if it is
+            above 1 the factor is refuted.
+        least: factor below which everything is known to be refuted, or not of interest.
+        first: factor to begin with.
+    """
+    low, high = (least, np.nan), (np.inf, np.nan)
+    at, step = first, 0
+    while high[0] > low[0] * (1 + _CLOSE):
+        found = at, needed(at)
+        if found[1] > 1.0:
+            if at == MOST:
+                return MOST, MOST
+            low = found
+        else:
+            high = found
+            # what explains the data is at least `needed` times as large, or larger than this one
+            if at * found[1] > low[0]:
+                low = min(at * found[1], at), np.nan
+        at = _between(low, high, step)
+        step += 1
+    return low[0], high[0]
+
+
+def _between(low: tuple[float, float], high: tuple[float, float], step: int) -> float:
+    """Return the factor to try next.
+
+    Between two factors, false position on logarithms, a step next to the lower one, and bisection
+    take turns.
+
+    Args:
+        low: factor that is refuted, and the further factor needed there; nan if unknown.
+        high: factor that is not refuted, and the further factor needed there; inf if unknown.
+        step: number of the step, from 0.
+    """
+    if np.isinf(high[0]):
+        return min(low[0] * max(low[1], _WIDER), MOST)
+    if np.isnan(low[1]):
+        return low[0]
+    if step % 3 == 2 or not np.isfinite(low[1]):
+        return float(np.sqrt(low[0] * high[0]))
+    if step % 3 == 1:
+        return low[0] * (1 + _CLOSE)
+    up, down = np.log(low[1]), -np.log(max(high[1], _TINY))
+    return low[0] * (high[0] / low[0]) ** float(np.clip(up / (up + down), 0.01, 0.99))
 
 
 def smallest_disturbance_factor(
@@ -78,32 +131,6 @@ def smallest_disturbance_factor(
     return smallest_factor(
         lambda s: rows_of_logs(system.with_scaled_disturbance(s), logs), knots, least
     )
-
-
-def _closed_in(
-    needed: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
-) -> tuple[float, float]:
-    """Return two factors of δ 0.1 % apart: the lower does not explain the data, the upper may.
-
-    The search alternates between false position on logarithms, a step next to it, and bisection.
-
-    Args:
-        needed: function that returns the further factor of δ that is needed at a factor.
-        low: factor that does not explain the data, and the further factor needed.
-        high: factor that may explain the data, and the further factor needed.
-    """
-    step, moved = 0, high
-    while high[0] > low[0] * (1 + _CLOSE):
-        at = float(np.sqrt(low[0] * high[0]))
-        if step % 3 == 0 and np.isfinite(low[1]):
-            up, down = np.log(low[1]), -np.log(max(high[1], _TINY))
-            at = low[0] * (high[0] / low[0]) ** float(np.clip(up / (up + down), 0.01, 0.99))
-        elif step % 3 == 1:
-            at = high[0] / (1 + _CLOSE) if moved is high else low[0] * (1 + _CLOSE)
-        moved = at, needed(at)
-        low, high = (low, moved) if moved[1] <= 1.0 else (moved, high)
-        step += 1
-    return low[0], high[0]
 
 
 def needed_factor(

@@ -12,22 +12,20 @@ weights.
 """
 
 import functools
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy import sparse
-from scipy.optimize import OptimizeResult, linprog
 
 from jaxid._checks import require
+from jaxid.identification.interior_point import LeastDeviations
 from jaxid.identification.regression_rows import RegressionRows
 from jaxid.regression.worst_case import Norm
 
 Pieces = tuple[tuple[int, int], ...]  # first row of each log, and the one after its last
 Knots = int | tuple[int, ...] | None  # most per log: one for all, one each, or one per row
-ITERATIONS = 10  # of the simplex method, per row of a linear program; usually 1.5 suffice
-_STOPPED = 1  # status of a linear program that reached its number of iterations
 KNOTS = 300  # default maximum; twice as many reduce the bounds of the motor by less than 0.1 %
 
 
@@ -112,7 +110,8 @@ class Program:
         self.moments = half_widths[:, None] * (phi.T @ self.basis) / self.delta
         noisy = noise[kinks] != 0
         in_units = sparse.diags_array(noise[kinks][noisy]), sparse.diags_array(1 / self.delta)
-        self.spread = in_units[0] @ second[noisy] @ in_units[1]
+        self.spread = sparse.csr_array(in_units[0] @ second[noisy] @ in_units[1])
+        self.deviations = LeastDeviations(self.spread, self.moments)
 
     def least(
         self, functional: Float[np.ndarray, " m"], misfit: Float[np.ndarray, " n"] | None = None
@@ -130,10 +129,10 @@ class Program:
         """
         unit = np.abs(functional) @ self.half_widths
         tilt = np.zeros_like(self.delta) if misfit is None else misfit @ self.basis / self.delta
-        solution = self._solved(1.0, tilt, self.half_widths * functional / unit)
-        if solution.x is None:
+        found = self.deviations.minimum(tilt, self.half_widths * functional / unit)
+        if found is None:
             return np.zeros(self.basis.shape[0]), self.half_widths * np.sign(functional)
-        return unit * self._weights(solution.x), self.half_widths * solution.eqlin.marginals
+        return unit * self._weights(found.x), self.half_widths * found.multipliers
 
     def contradicting(self, misfit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Return the weights that prove the largest necessary δ, with Σ|g|δ ≤ 1.
@@ -144,67 +143,15 @@ class Program:
             misfit: u − Φ·centre of the rows, shape (n,), in the unit of the input.
         """
         tilt = misfit @ self.basis / self.delta
-        solution = self._solved(0.0, tilt, np.zeros_like(self.half_widths), most=1.0)
-        if solution.x is None:  # badly scaled data: no result
+        nothing = np.zeros_like(self.half_widths)
+        found = self.deviations.minimum(tilt, nothing, limited=True)
+        if found is None:  # badly scaled data: no result
             return np.zeros(self.basis.shape[0])
-        return self._weights(solution.x)
+        return self._weights(found.x)
 
-    def _solved(
-        self,
-        price: float,
-        tilt: Float[np.ndarray, " knots"],
-        target: Float[np.ndarray, " m"],
-        most: float | None = None,
-    ) -> OptimizeResult:
-        """Minimise price·Σ|x| + xᵀtilt + Σ|S x| + Σ|target − moments·x|, with Σ|x| ≤ most."""
-        (m, count), noisy = self.moments.shape, self.spread.shape[0]
-        bias = np.hstack([np.zeros((m, noisy)), np.eye(m), -np.eye(m)])
-        free = sparse.hstack([-sparse.eye_array(noisy), sparse.csr_array((noisy, 2 * m))])
-        above = [
-            sparse.hstack([self.spread, -self.spread, free]),
-            sparse.hstack([-self.spread, self.spread, free]),
-        ]
-        limit = np.zeros(2 * noisy)
-        if most is not None:
-            above.append(sparse.csr_array(np.arange(2 * count + noisy + 2 * m)[None] < 2 * count))
-            limit = np.append(limit, most)
-        cost = np.concatenate([price + tilt, price - tilt, np.ones(noisy + 2 * m)])
-        equal = np.hstack([self.moments, -self.moments, bias])
-        return _minimum(cost, sparse.csr_array(sparse.vstack(above)), limit, equal, target)
-
-    def _weights(self, x: Float[np.ndarray, " variables"]) -> Float[np.ndarray, " n"]:
-        count = self.delta.size
-        return self.basis @ ((x[:count] - x[count : 2 * count]) / self.delta)
-
-
-def _minimum(
-    cost: Float[np.ndarray, " variables"],
-    above: sparse.csr_array,
-    limit: Float[np.ndarray, " rows"],
-    equal: Float[np.ndarray, "m variables"],
-    target: Float[np.ndarray, " m"],
-    iterations: int = ITERATIONS,
-) -> OptimizeResult:
-    """Return the minimum of costᵀx with above·x ≤ limit, equal·x = target and x ≥ 0.
-
-    The simplex method hardly moves on some degenerate programs, such as those of an undisturbed
-    log whose friction is zero. After `iterations` per row an interior-point method solves it.
-    """
-
-    def solved(method: Literal["highs", "highs-ipm"], most: int | None) -> OptimizeResult:
-        # linprog accepts a sparse A_ub, although its stub does not
-        return linprog(  # pyright: ignore[reportCallIssue]
-            cost,
-            A_ub=above,  # pyright: ignore[reportArgumentType]
-            b_ub=limit,
-            A_eq=equal,
-            b_eq=target,
-            method=method,
-            options={} if most is None else {"maxiter": most},
-        )
-
-    found = solved("highs", iterations * len(limit))
-    return solved("highs-ipm", None) if found.status == _STOPPED else found
+    def _weights(self, x: Float[np.ndarray, " knots"]) -> Float[np.ndarray, " n"]:
+        """Return the weights of the rows, from weights of the knots in units of 1/δ."""
+        return self.basis @ (x / self.delta)
 
 
 class _Family(NamedTuple):

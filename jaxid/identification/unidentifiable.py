@@ -37,9 +37,10 @@ def _unseen(program: Program, index: int) -> Float[np.ndarray, " m"] | None:
     rows = sparse.hstack([program.moments.T, -program.moments.T, program.spread.T])
     unit = np.zeros((1, 2 * m + noisy))
     unit[0, index], unit[0, m + index] = 1.0, -1.0
-    solution = linprog(
+    # linprog accepts a sparse A_ub, although its stub does not
+    solution = linprog(  # pyright: ignore[reportCallIssue]
         np.concatenate([np.ones(2 * m), np.zeros(noisy)]),
-        A_ub=sparse.vstack([rows, -rows]),
+        A_ub=sparse.vstack([rows, -rows]),  # pyright: ignore[reportArgumentType]
         b_ub=np.ones(2 * count),
         A_eq=unit,
         b_eq=[1.0],
