@@ -14,7 +14,8 @@ from jaxid.axis.file import read_axis
 from jaxid.axis.saved_designs import designs_in
 from jaxid.axis.sweep_result import SweepResult
 from jaxid.axis.texts import example
-from jaxid.io.files import read_dataset, read_trajectory
+from jaxid.io.datasets import read_dataset
+from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import ClosedLoop
 from jaxid.loop.controllers import ARC, Delayed, PDFeedforward, undelayed
 from jaxid.loop.disturbances import NoDisturbance

@@ -10,9 +10,10 @@ import pytest
 
 from experiments.paper.designs import TOY
 from jaxid._text import at_least
-from jaxid.axis import cli, commands
+from jaxid.axis import cli
 from jaxid.axis import design_result as axis_design
 from jaxid.axis import tradeoff as axis_tradeoff
+from jaxid.axis.commands import design as design_command
 from jaxid.axis.defaults import EFFORTS
 from jaxid.axis.design import evaluated, in_words
 from jaxid.axis.design_result import DesignResult
@@ -233,7 +234,7 @@ def test_an_interruption_leaves_nothing(tmp_path, capsys, monkeypatch):
 
     path, out = tmp_path / "axis.toml", tmp_path / "out"
     cli.main(["init", str(path)])
-    monkeypatch.setattr(commands, "design_axis", interrupted)
+    monkeypatch.setattr(design_command, "design_axis", interrupted)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["design", str(path), "--out", str(out)])
     assert stopped.value.code == 130
@@ -368,6 +369,6 @@ def test_a_sentence_of_the_library_about_files_is_kept(tmp_path, capsys, monkeyp
         raise FileNotFoundError("The folder is in .out.old: move it back by hand.")
 
     (tmp_path / "axis.toml").write_text(example("linear"))
-    monkeypatch.setattr(commands, "require_writable", lost)
+    monkeypatch.setattr(design_command, "require_writable", lost)
     said = refused(capsys, "design", tmp_path / "axis.toml", "--out", tmp_path / "out")
     assert said.strip() == "jaxid: The folder is in .out.old: move it back by hand."

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxid.io.files import read_table, read_trajectory, write_bytes, write_table, write_trajectory
-from jaxid.io.plots import text_table
+from jaxid.io.text_tables import text_table
 
 
 def test_a_trajectory_comes_back_bit_for_bit(tmp_path, motion):

@@ -7,7 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from jaxid.io.log_file import log_bytes, read_log
+from jaxid.io.csv_log import log_bytes
+from jaxid.io.log_file import read_log
 from jaxid.io.recorded import Columns
 from jaxid.io.segments import steady_segments
 from jaxid.loop.log import Log

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from experiments.axes import linear_motor as motor
-from jaxid.axis import cli, commands, summaries
+from jaxid.axis import cli, summaries
+from jaxid.axis.commands import design as design_command
+from jaxid.axis.commands import identify as identify_command
 from jaxid.axis.design import AxisDesign
 from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import read_axis
@@ -56,7 +58,7 @@ def made(designs):
 def designed(designs, made, monkeypatch, tmp_path):
     """Return a function that runs `jaxid design --force` without a search, and its folder."""
     path, found = designs
-    monkeypatch.setattr(commands, "design_axis", lambda axis, *_: found[_duration(axis)])
+    monkeypatch.setattr(design_command, "design_axis", lambda axis, *_: found[_duration(axis)])
     monkeypatch.setattr(DesignResult, "files", lambda one: made[_duration(one.axis)])
     monkeypatch.setattr(DesignResult, "text", lambda one: "")
     out = tmp_path / "slide"
@@ -164,11 +166,11 @@ def test_of_two_logs_for_one_folder_one_is_kept_and_told(identified, monkeypatch
 
     def second(*given):
         with monkeypatch.context() as patched:
-            patched.setattr(commands, "identify_axis", once)
+            patched.setattr(identify_command, "identify_axis", once)
             cli.main(arguments)
         return once(*given)
 
-    monkeypatch.setattr(commands, "identify_axis", second)
+    monkeypatch.setattr(identify_command, "identify_axis", second)
     with pytest.raises(SystemExit) as stopped:
         cli.main(arguments)
     assert stopped.value.code == 1
@@ -177,13 +179,13 @@ def test_of_two_logs_for_one_folder_one_is_kept_and_told(identified, monkeypatch
     # both results are printed, because they may have taken long
     assert said.out.count("hold provided that:") == 2
     assert said.out.count("Wrote to") == 1
-    monkeypatch.setattr(commands, "identify_axis", once)
+    monkeypatch.setattr(identify_command, "identify_axis", once)
     cli.main([*arguments, "--force"])
 
 
 def test_a_manifest_says_what_was_typed_and_read(identified, monkeypatch, tmp_path):
     folder, once = identified
-    monkeypatch.setattr(commands, "identify_axis", once)
+    monkeypatch.setattr(identify_command, "identify_axis", once)
     words = ["identify", str(folder / "axis.toml"), str(folder / "log.csv")]
     words += ["--out", str(tmp_path / "first run")]
     monkeypatch.setattr(sys, "argv", ["/usr/local/bin/jaxid", *words])

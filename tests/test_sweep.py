@@ -11,7 +11,8 @@ import xarray as xr
 from processes import finish, free_port, start
 
 from experiments.axes import linear_motor as motor
-from jaxid.io.files import read_dataset, read_trajectory, write_dataset
+from jaxid.io.datasets import read_dataset, write_dataset
+from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import Controller, PDFeedforward
 from jaxid.loop.disturbances import AgainstTracking, RandomForce

@@ -12,6 +12,7 @@ from experiments._support.toys import Toys
 from experiments.paper.designs import TOY
 from jaxid.io import plots
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
+from jaxid.io.text_tables import text_table
 from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.regression.estimate import Estimate
@@ -70,7 +71,7 @@ def interval_rows(axis: System, truth: Sequence[float], proved: Estimate) -> lis
 def save_table(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
     """Write a table to a file, and print it."""
     write_table(path, columns, rows)
-    print(plots.text_table(columns, [[row[c] for c in columns] for row in rows]), end="\n\n")
+    print(text_table(columns, [[row[c] for c in columns] for row in rows]), end="\n\n")
 
 
 def draw_intervals(

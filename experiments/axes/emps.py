@@ -35,9 +35,9 @@ from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
 from jaxid.io.log_file import read_log
-from jaxid.io.plots import text_table
 from jaxid.io.recorded import Columns, Recorded
 from jaxid.io.segments import steady_segments
+from jaxid.io.text_tables import text_table
 from jaxid.loop.log import Log
 from jaxid.loop.servo import Servo
 from jaxid.model.disturbance_bound import ConstantBound

@@ -13,7 +13,7 @@ from experiments.axes import linear_motor as motor
 from experiments.bench import accuracy, batches, compile_time, loop_against_c
 from experiments.bench.answers import Answer
 from jaxid.io.files import Cell, write_table
-from jaxid.io.plots import text_table
+from jaxid.io.text_tables import text_table
 from jaxid.runtime import configure
 
 COLUMNS = ("question", "case", "quantity", "least", "median", "target", "met")

@@ -28,7 +28,7 @@ from jaxid.design.criteria import LeastSquaresError, PlannedError
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.io.files import Cell as Value
 from jaxid.io.files import write_table
-from jaxid.io.plots import text_table
+from jaxid.io.text_tables import text_table
 from jaxid.motion.feasibility import InfeasibleError, interior
 from jaxid.motion.motion_space import motion_space
 from jaxid.motion.task import Task

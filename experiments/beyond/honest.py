@@ -26,7 +26,7 @@ from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.io.files import write_table
-from jaxid.io.plots import text_table
+from jaxid.io.text_tables import text_table
 from jaxid.loop.log import Log
 from jaxid.regression.estimate import Estimate, least_squares_estimate
 from jaxid.regression.estimators import ESTIMATORS, Filtered, LeastSquares

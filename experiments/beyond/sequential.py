@@ -29,7 +29,7 @@ from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.modulating_functions import KNOTS
 from jaxid.io import plots
 from jaxid.io.files import Cell, read_trajectory, write_table, write_trajectory
-from jaxid.io.plots import text_table
+from jaxid.io.text_tables import text_table
 from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import ARC
 from jaxid.loop.log import Log

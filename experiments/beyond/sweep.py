@@ -19,7 +19,8 @@ from experiments._support import heat_maps
 from experiments.axes import linear_motor as motor
 from experiments.paper.designs import STUDIED, Cell, trajectory_path
 from experiments.paper.runs import BANDWIDTHS, PERIODS
-from jaxid.io.files import read_dataset, read_trajectory, write_dataset
+from jaxid.io.datasets import read_dataset, write_dataset
+from jaxid.io.files import read_trajectory
 from jaxid.loop.controllers import ARC
 from jaxid.loop.disturbances import AgainstTracking, RandomForce
 from jaxid.loop.scenarios import mixed

@@ -11,7 +11,7 @@ from experiments.paper.designs import Cell
 from experiments.paper.runs import ClosedLoopRun, OpenLoopRun
 from jaxid._checks import require
 from jaxid.io.files import Cell as Value
-from jaxid.io.plots import text_table
+from jaxid.io.text_tables import text_table
 from jaxid.regression.estimate import Estimate
 
 Row = dict[str, Value]

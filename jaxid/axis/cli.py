@@ -72,9 +72,9 @@ def prior(axis: AxisFile, log: LogFile, run_python: bool = False) -> None:
         run_python: run the Python module that the axis file names.
     """
     known = _read(axis, run_python)
-    from jaxid.axis import commands
+    from jaxid.axis.commands import prior as command
 
-    commands.prior(known, axis, log)
+    command.run(known, axis, log)
 
 
 def design(
@@ -112,9 +112,9 @@ def design(
     if not target:
         raise ValueError("--target must be a parameter name, all or wanted, but is empty.")
     known = _read(axis, run_python)
-    from jaxid.axis import commands
+    from jaxid.axis.commands import design as command
 
-    commands.design(known, axis, out, target, durations, seed, effort, force=force)
+    command.run(known, axis, out, target, durations, seed, effort, force=force)
 
 
 def simulate(
@@ -145,9 +145,9 @@ def simulate(
             f"--plants must be 1 or more and --logs 0 or more, but are {plants}, {logs}."
         )
     known = _read(axis, run_python)
-    from jaxid.axis import commands
+    from jaxid.axis.commands import simulate as command
 
-    commands.simulate(known, axis, design, plants, logs, seed, force=force)
+    command.run(known, axis, design, plants, logs, seed, force=force)
 
 
 def sweep(
@@ -181,9 +181,9 @@ def sweep(
     configure()
     connect(processors())
     known = _read(axis, run_python)
-    from jaxid.axis import commands
+    from jaxid.axis.commands import sweep as command
 
-    commands.sweep(known, axis, design, bandwidths, factors, plants, seed, force=force)
+    command.run(known, axis, design, bandwidths, factors, plants, seed, force=force)
 
 
 def identify(
@@ -206,9 +206,9 @@ def identify(
         run_python: run the Python module that the axis file names.
     """
     known = _read(axis, run_python)
-    from jaxid.axis import commands
+    from jaxid.axis.commands import identify as command
 
-    if not commands.identify(known, axis, log, out, force=force):
+    if not command.run(known, axis, log, out, force=force):
         raise SystemExit(INCONSISTENT)
 
 

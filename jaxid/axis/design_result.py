@@ -23,6 +23,7 @@ from jaxid.identification.assumptions import assumptions
 from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes, trajectory_bytes
 from jaxid.io.setpoints import margins, sampled, setpoint_bytes, setpoints_in
+from jaxid.io.text_tables import text_table
 from jaxid.motion.trajectory import JerkTrajectory
 
 _SETPOINTS = tuple(Path(name) for name in ("setpoints.csv", "setpoints.mat", "setpoints.h"))
@@ -122,7 +123,7 @@ class DesignResult(Result):
         low, high = found.axis.task.limits.acceleration.tolist()
         return "\n".join(
             (
-                plots.text_table(header, rows, TITLE),
+                text_table(header, rows, TITLE),
                 *_unidentified(found),
                 *_impossible(found),
                 f"Acceleration limit: [{low:.4g}, {high:.4g}] {UNITS[system.coordinate]}/s²",

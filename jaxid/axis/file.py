@@ -17,6 +17,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import msgspec
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
@@ -146,7 +147,7 @@ def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
 
 def _require_logs(task: Task, servo: Servo) -> None:
     """Raise an error if the servo cannot record a log of the motion."""
-    at_rest = uniform(task.boundary.start, jnp.zeros(task.intervals), task.period)
+    at_rest = uniform(task.boundary.start, jnp.asarray(np.zeros(task.intervals)), task.period)
     servo.ticks(at_rest)
 
 

@@ -24,6 +24,7 @@ from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes
 from jaxid.io.recorded import Recorded
 from jaxid.io.segments import Segment, rows_used, steady_segments
+from jaxid.io.text_tables import text_table
 from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
@@ -297,7 +298,7 @@ def _intervals(system: System, result: Identification) -> str:
     lowest = f"at least {at_least(factor)}·δ" if factor > LEAST else "no lower bound was found"
     intervals = f"{kind.capitalize()} parameter intervals."
     title = f"{intervals} Disturbance needed to explain this log: {lowest}."
-    return plots.text_table(header, rows, title)
+    return text_table(header, rows, title)
 
 
 def _not_identifiable(system: System, name: str, direction: Float[np.ndarray, " m"]) -> str:

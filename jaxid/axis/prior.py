@@ -18,9 +18,9 @@ from jaxid.identification.batches import knots_by_length
 from jaxid.identification.falsification import MOST, smallest_disturbance_factor
 from jaxid.identification.least_squares import fit_least_squares
 from jaxid.identification.state_bounds import UnboundedVelocityError
-from jaxid.io.plots import text_table
 from jaxid.io.recorded import Recorded
 from jaxid.io.segments import steady_segments
+from jaxid.io.text_tables import text_table
 from jaxid.loop.log import Log
 from jaxid.model.disturbance_bound import ConstantBound
 from jaxid.model.regressors import Coulomb, OneWay, Sign, Viscous

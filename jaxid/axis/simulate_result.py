@@ -15,9 +15,10 @@ from jaxid.axis.simulate import DRAWN, SUBSTEPS, Simulated
 from jaxid.axis.summaries import SimulatedHalfWidth, SimulatedLimit, SimulationSummary
 from jaxid.identification.assumptions import assumptions
 from jaxid.io import plots
+from jaxid.io.csv_log import log_bytes
 from jaxid.io.files import UNITS, json_bytes
-from jaxid.io.log_file import log_bytes
 from jaxid.io.recorded import Columns
+from jaxid.io.text_tables import text_table
 
 _DEFAULT = Columns("position", "input", "time")  # of a log, if the axis file names none
 
@@ -103,10 +104,8 @@ class SimulateResult(Result):
                 f"Monte Carlo check on {said.plants} simulated plants (seed {said.seed}): "
                 "evidence, not a proof. Δ is zero, random or against the tracking in turn.",
                 *_verdict(said),
-                plots.text_table(
-                    ("limit", "unit", "plants that exceed it", "smallest margin"), margins
-                ),
-                plots.text_table(("parameter", "unit", "median", "largest"), lengths, title),
+                text_table(("limit", "unit", "plants that exceed it", "smallest margin"), margins),
+                text_table(("parameter", "unit", "median", "largest"), lengths, title),
                 "These intervals hold provided that:",
                 *(f"  {sentence}" for sentence in said.assumptions),
             )

@@ -11,7 +11,8 @@ from jaxid.axis.file import Axis
 from jaxid.axis.result import Result
 from jaxid.axis.sweep import Sweep
 from jaxid.io import plots
-from jaxid.io.files import dataset_bytes
+from jaxid.io.datasets import dataset_bytes
+from jaxid.io.text_tables import text_table
 from jaxid.sweep.dataset import names
 
 _USUAL = "× 1"
@@ -86,7 +87,7 @@ class SweepResult(Result):
         data = self.found.data
         header = ("target", "duration (s)", "parameter", "best w (rad/s)", "largest J_f", "unit")
         title = f"Least-squares error bound J_f, worst case of all scenarios, gains {_usual(data)}"
-        table = plots.text_table(header, self.summary(), title)
+        table = text_table(header, self.summary(), title)
         count = int(data.tracking_error.count())
         diverged = int(np.isinf(data.tracking_error).sum())
         loops = f"{count} closed loops (seed {data.seed}), of which {diverged} diverged."

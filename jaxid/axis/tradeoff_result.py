@@ -16,6 +16,7 @@ from jaxid.axis.summaries import TradeoffRow
 from jaxid.axis.tradeoff import Tradeoff, duration_of
 from jaxid.io import plots
 from jaxid.io.files import table_bytes
+from jaxid.io.text_tables import text_table
 
 _COLUMNS = TradeoffRow.__struct_fields__
 
@@ -73,7 +74,7 @@ class TradeoffResult(Result):
             )
         ]
         header = ("target", "duration (s)", "parameter", "unit", *HEADINGS)
-        return plots.text_table(header, rows, TITLE)
+        return text_table(header, rows, TITLE)
 
 
 def page(found: Tradeoff) -> bytes:

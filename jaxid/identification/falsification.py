@@ -15,16 +15,19 @@ from jaxid.loop.log import InconsistentLogError, Log
 from jaxid.model.system import System
 
 LEAST, MOST = 1e-3, 1e3  # smallest and largest factor of δ in the search
-_CLOSE = 1e-3  # relative accuracy of the factor
+CLOSE = 1e-3  # relative accuracy of the factor
 _COARSE = 1000  # number of weights in the first search
 _WIDER = 1.03  # step of the search; all weights prove 2 to 3 % more than few ones for the motor
 _TINY = 1e-6
 
 
 def smallest_factor(
-    rows: Callable[[Scalar], RegressionRows], knots: Knots = None, least: float = LEAST
+    rows: Callable[[Scalar], RegressionRows],
+    knots: Knots = None,
+    least: float = LEAST,
+    close: float = CLOSE,
 ) -> float:
-    """Return a lower bound on the factor s with which s·δ can explain the data, to 0.1 %.
+    """Return a lower bound on the factor s with which s·δ can explain the data.
 
     Two results have a special meaning: `least`, if even least·δ may explain the data, so that
     nothing is proved; and `MOST` (1000), if not even 1000·δ explains them, so that an input, a unit
@@ -35,6 +38,7 @@ def smallest_factor(
             for a log, the bounds of its states depend on it.
         knots: largest number of weights; default one per row.
         least: first factor of the search.
+        close: relative accuracy of the result.
     """
 
     def needed(factor: float, count: Knots) -> float:
@@ -47,7 +51,7 @@ def smallest_factor(
 
     low, first = least, max(1.0, least)
     for count in dict.fromkeys((_few(knots), knots)):  # a proof with few weights holds with all
-        low, first = _searched(partial(needed, count=count), low, first)
+        low, first = _searched(partial(needed, count=count), low, first, close)
     return low
 
 
@@ -59,8 +63,10 @@ def _few(knots: Knots) -> Knots:
     return _COARSE if knots is None else min(_COARSE, knots)
 
 
-def _searched(needed: Callable[[float], float], least: float, first: float) -> tuple[float, float]:
-    """Return two factors of δ 0.1 % apart: less than the lower is refuted, the upper is not.
+def _searched(
+    needed: Callable[[float], float], least: float, first: float, close: float
+) -> tuple[float, float]:
+    """Return two factors of δ close together: less than the lower is refuted, the upper is not.
 
     Both are `MOST` if everything is refuted, and `least` if nothing is.
 
@@ -69,10 +75,11 @@ def _searched(needed: Callable[[float], float], least: float, first: float) -> t
             above 1 the factor is refuted.
         least: factor below which everything is known to be refuted, or not of interest.
         first: factor to begin with.
+        close: relative distance of the factors.
     """
     low, high = (least, np.nan), (np.inf, np.nan)
     at, step = first, 0
-    while high[0] > low[0] * (1 + _CLOSE):
+    while high[0] > low[0] * (1 + close):
         found = at, needed(at)
         if found[1] > 1.0:
             if at == MOST:
@@ -83,12 +90,12 @@ def _searched(needed: Callable[[float], float], least: float, first: float) -> t
             # what explains the data is at least `needed` times as large, or larger than this one
             if at * found[1] > low[0]:
                 low = min(at * found[1], at), np.nan
-        at = _between(low, high, step)
+        at = _between(low, high, step, close)
         step += 1
     return low[0], high[0]
 
 
-def _between(low: tuple[float, float], high: tuple[float, float], step: int) -> float:
+def _between(low: tuple[float, float], high: tuple[float, float], step: int, close: float) -> float:
     """Return the factor to try next.
 
     Between two factors, false position on logarithms, a step next to the lower one, and bisection
@@ -98,6 +105,7 @@ def _between(low: tuple[float, float], high: tuple[float, float], step: int) -> 
         low: factor that is refuted, and the further factor needed there; nan if unknown.
         high: factor that is not refuted, and the further factor needed there; inf if unknown.
         step: number of the step, from 0.
+        close: relative distance at which the search ends.
     """
     if np.isinf(high[0]):
         return min(low[0] * max(low[1], _WIDER), MOST)
@@ -106,13 +114,17 @@ def _between(low: tuple[float, float], high: tuple[float, float], step: int) -> 
     if step % 3 == 2 or not np.isfinite(low[1]):
         return float(np.sqrt(low[0] * high[0]))
     if step % 3 == 1:
-        return low[0] * (1 + _CLOSE)
+        return low[0] * (1 + close)
     up, down = np.log(low[1]), -np.log(max(high[1], _TINY))
     return low[0] * (high[0] / low[0]) ** float(np.clip(up / (up + down), 0.01, 0.99))
 
 
 def smallest_disturbance_factor(
-    system: System, logs: Sequence[Log], knots: Knots = None, least: float = LEAST
+    system: System,
+    logs: Sequence[Log],
+    knots: Knots = None,
+    least: float = LEAST,
+    close: float = CLOSE,
 ) -> float:
     """Return a proved lower bound on the factor of δ that logs need; above 1 they are inconsistent.
 
@@ -127,10 +139,13 @@ def smallest_disturbance_factor(
         logs: logs of one axis.
         knots: largest number of weights per log; default one per row.
         least: first factor of the search.
+        close: relative accuracy of the result.
     """
-    return smallest_factor(
-        lambda s: rows_of_logs(system.with_scaled_disturbance(s), logs), knots, least
-    )
+
+    def rows(factor: Scalar) -> RegressionRows:
+        return rows_of_logs(system.with_scaled_disturbance(factor), logs)
+
+    return smallest_factor(rows, knots, least, close)
 
 
 def needed_factor(
@@ -145,8 +160,9 @@ def needed_factor(
         program: linear program of the rows.
         misfit: u − Φ·centre of the rows, shape (n,), in the unit of the input.
     """
-    weights = jnp.asarray(program.contradicting(misfit))[None]
-    nothing = jnp.zeros((1, program.half_widths.size))
-    end, disturbed = upper_ends(logged, weights, jnp.asarray(misfit), nothing)
+    weights = jnp.asarray(program.contradicting(misfit)[None])
+    nothing = jnp.asarray(np.zeros((1, program.half_widths.size)))
+    ends = upper_ends(logged, weights, jnp.asarray(misfit), nothing)
+    end, disturbed = (float(x[0]) for x in ends)
     # 0 ≤ end + (s − 1)·disturbed for every s that explains the data
-    return 1.0 - float(end[0] / disturbed[0]) if disturbed[0] > 0 else 0.0
+    return 1.0 - end / disturbed if disturbed > 0 else 0.0

@@ -71,14 +71,14 @@ def feasible_set(
         InconsistentLogError,
     )
     axes = np.eye(len(system.names))
-    upper = _ends(logged, program, misfit, axes)
-    lower = -_ends(logged, program, misfit, -axes)
+    upper, lower = np.split(_ends(logged, program, misfit, np.concatenate([axes, -axes])), 2)
     # centre ± half-width may differ from an end of the box in the last bit
-    close = ROUNDED * system.half_widths
-    lower = jnp.where(lower <= system.lower + close, system.lower, lower)
-    upper = jnp.where(upper >= system.upper - close, system.upper, upper)
+    first, last = np.asarray(system.lower), np.asarray(system.upper)
+    close = ROUNDED * (last - first) / 2
+    lower = np.where(-lower <= first + close, first, -lower)
+    upper = np.where(upper >= last - close, last, upper)
     for other in others:
-        lower, upper = jnp.maximum(lower, other.lower), jnp.minimum(upper, other.upper)
+        lower, upper = np.maximum(lower, other.lower), np.minimum(upper, other.upper)
     for name, low, high in zip(system.names, lower, upper, strict=True):
         require(
             float(low) <= float(high),
@@ -86,7 +86,7 @@ def feasible_set(
             f"{float(high):.6g}, together with the estimates `others`.",
             InconsistentLogError,
         )
-    return FeasibleSet(lower, upper, needed)
+    return FeasibleSet(jnp.asarray(lower), jnp.asarray(upper), needed)
 
 
 def projection(
@@ -111,7 +111,7 @@ def projection(
     normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     functionals = np.zeros((_DIRECTIONS, len(system.names)))
     functionals[:, pair] = normals / size
-    ends = np.asarray(_ends(logged, program, misfit, functionals))
+    ends = _ends(logged, program, misfit, functionals)
     lines = np.stack([normals, np.roll(normals, -1, axis=0)], axis=1)
     corners = np.linalg.solve(lines, np.stack([ends, np.roll(ends, -1)], axis=1)[..., None])
     return corners[..., 0] * size
@@ -122,9 +122,8 @@ def _ends(
     program: Program,
     misfit: Float[np.ndarray, " n"],
     functionals: Float[np.ndarray, "k m"],
-) -> Float[Array, " k"]:
+) -> Float[np.ndarray, " k"]:
     """Return the upper ends of Cθ; those of the prior box where the program has no solution."""
     weights = np.stack([program.least(c, misfit)[0] for c in functionals])
-    return upper_ends(logged, jnp.asarray(weights), jnp.asarray(misfit), jnp.asarray(functionals))[
-        0
-    ]
+    ends, _ = upper_ends(logged, *map(jnp.asarray, (weights, misfit, functionals)))
+    return np.asarray(ends)

@@ -20,18 +20,19 @@ from jaxid.identification.batches import (
     most_informative,
     samples_per_weight,
 )
-from jaxid.identification.falsification import LEAST, MOST, smallest_disturbance_factor
+from jaxid.identification.falsification import CLOSE, LEAST, MOST, smallest_disturbance_factor
 from jaxid.identification.feasible_parameter_set import feasible_set
 from jaxid.identification.intervals import guaranteed_intervals, narrowed_to, tightest
 from jaxid.identification.joined_rows import rows_of_logs
 from jaxid.identification.unidentifiable import unidentifiable_directions
-from jaxid.loop.log import InconsistentLogError, Log
+from jaxid.loop.log import InconsistentLogError, Log, padded
 from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate
 
 Directions = dict[str, Float[np.ndarray, " m"]]
 Report = Callable[[str], None]
 _UNCHANGED = 1e-6  # relative: an interval that shrinks by less counts as unchanged
+_ROUGH = 0.03  # relative accuracy of a factor that is far from 1
 _FAR_FROM_ONE = 0.5  # more weights do not raise a factor below this above 1
 _STEP = 1.1  # first factor in the search for a δ that is consistent with the data
 _HALVINGS = 3  # of the interval between two steps
@@ -117,7 +118,7 @@ def identify(
         system=system,
         logs=given,
     )
-    parts = batches(given, sizes)
+    parts = [tuple(map(padded, part)) for part in batches(given, sizes)]
     progress = _Progress(system, sizes, len(parts))
     for number, part in enumerate(parts, 1):
         label = f"batch {number} of {len(parts)}: " if len(parts) > 1 else ""
@@ -171,9 +172,11 @@ class _Progress:
             self.samples_per_weight, samples_per_weight(sizes.knots, logs)
         )
         report("smallest consistent disturbance bound")
-        for knots in (sizes.knots, sizes.finer * sizes.knots):
-            weights = knots_by_length(knots, logs)
-            self.factor = smallest_disturbance_factor(self.system, logs, weights, self.factor)
+        for finer, close in ((1, _ROUGH), (sizes.finer, CLOSE)):
+            weights = knots_by_length(finer * sizes.knots, logs)
+            self.factor = smallest_disturbance_factor(
+                self.system, logs, weights, self.factor, close
+            )
             if self.factor < _FAR_FROM_ONE or self.factor == MOST:
                 break
         if self.consistent and (self.unidentifiable is None or self.unidentifiable):

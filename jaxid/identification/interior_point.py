@@ -81,6 +81,7 @@ class LeastDeviations:
         """
         self.spread, self.moments = spread, moments
         self._transposed = sparse.csr_array(spread.T)
+        self._columns = np.ascontiguousarray(moments.T)
         columns, count = sparse.csc_array(spread), spread.shape[1]
         # spreadᵀ·diag(d)·spread has the entries maps[o] @ d on its o-th off-diagonal
         self._maps = [
@@ -124,13 +125,13 @@ class LeastDeviations:
 
     def rows(self, x: Float[np.ndarray, " knots"]) -> Vector:
         """Return A x: x itself, spread·x and moments·x."""
-        return np.concatenate([x, self.spread @ x, self.moments @ x])
+        return np.concatenate([x, self.spread @ x, _product(self.moments, x)])
 
     def columns(self, y: Vector) -> Float[np.ndarray, " knots"]:
         """Return Aᵀy."""
         count, kinks = self.moments.shape[1], self.spread.shape[0]
         own, spread, moments = np.split(y, [count, count + kinks])
-        return own + self._transposed @ spread + moments @ self.moments
+        return own + self._transposed @ spread + _product(self._columns, moments)
 
     def factor(self, d: Vector) -> Float[np.ndarray, "bands knots"]:
         """Return the banded Cholesky factor of AᵀDA without the moments."""
@@ -168,7 +169,7 @@ class _Iteration:
         price, room = 1.0, 0.0
         if self.limited:
             price = 1.0 + float(np.max(np.abs(self.tilt)))
-            room = max(1 - float(self.own @ (above + below)), away)
+            room = max(1 - _inner(self.own, above + below), away)
         cost = self.costs(price)
         return _Point(x, above, below, room, cost, cost, np.zeros_like(cost), price)
 
@@ -180,7 +181,8 @@ class _Iteration:
         """Return the value of the program at x, scaled down where required."""
         x = self.admissible(x)
         deviation = np.abs(self.program.rows(x) - self.target)
-        return float(self.tilt @ x + self.costs(0.0 if self.limited else 1.0) @ deviation)
+        costs = self.costs(0.0 if self.limited else 1.0)
+        return _inner(self.tilt, x) + _inner(costs, deviation)
 
     def costs(self, price: float) -> Vector:
         """Return the cost of each deviation."""
@@ -188,13 +190,12 @@ class _Iteration:
 
     def unbounded(self, x: Float[np.ndarray, " knots"]) -> bool:
         """Return whether the value falls without end along x."""
-        falling = float(self.tilt @ x + np.sum(np.abs(self.program.rows(x)))) < 0
-        return falling and not self.limited
+        falling = _inner(self.tilt, x) + np.sum(np.abs(self.program.rows(x))) < 0
+        return bool(falling) and not self.limited
 
     def converged(self, point: _Point, value: float) -> bool:
         """Return whether the products, whose sum is the distance to the minimum, are small."""
-        gap = point.above @ point.over + point.below @ point.under + point.room * point.price
-        return bool(gap <= _GAP * abs(value) + _SMALLEST_GAP)
+        return _products(point) <= _GAP * abs(value) + _SMALLEST_GAP
 
     def next(self, point: _Point) -> _Point | None:
         """Return the next iterate; None if rounding prevents progress."""
@@ -220,7 +221,7 @@ class _Newton:
         self.inverse[h.size - m :] = 0.0
         self.factor = program.factor(self.inverse), True
         self.dense = cho_solve_banded(self.factor, program.moments.T, check_finite=False)
-        self.small = np.diag(h[h.size - m :]) + program.moments @ self.dense
+        self.small = np.diag(h[h.size - m :]) + _product(program.moments, self.dense)
 
     def solve(
         self, deviation: Vector, balance: Float[np.ndarray, " knots"]
@@ -239,8 +240,8 @@ class _Newton:
         moments, m = self.program.moments, len(self.small)
         right = self.program.columns(self.inverse * deviation) - balance
         x = cho_solve_banded(self.factor, right, check_finite=False)
-        last = np.linalg.solve(self.small, deviation[deviation.size - m :] - moments @ x)
-        x = x + self.dense @ last
+        last = np.linalg.solve(self.small, deviation[deviation.size - m :] - _product(moments, x))
+        x = x + _product(self.dense, last)
         multipliers = self.inverse * (deviation - self.program.rows(x))
         multipliers[deviation.size - m :] = last
         return x, multipliers
@@ -264,8 +265,8 @@ class _Step:
             self.uneven = (above - below) * iteration.own
             # how x and λ change with the price
             self.priced = self.newton.solve(self.uneven, np.zeros_like(point.x))
-            own = iteration.own @ (above + below)
-            self.stiffness = own - self.uneven @ self.priced[1] + point.room / point.price
+            own = _inner(iteration.own, above + below)
+            self.stiffness = own - _inner(self.uneven, self.priced[1]) + point.room / point.price
 
     def direction(self, mean: float, predicted: _Point | None) -> _Point:
         """Return the step to products of `mean`, corrected by the products of a predicted step."""
@@ -282,8 +283,8 @@ class _Step:
         price = room = 0.0
         if self.iteration.limited:
             room = (mean - second[2]) / at.price - at.room
-            excess = own @ (at.above + at.below + above + below) + at.room + room - 1.0
-            price = float((excess - self.uneven @ multipliers) / self.stiffness)
+            excess = _inner(own, at.above + at.below + above + below) + at.room + room - 1.0
+            price = (excess - _inner(self.uneven, multipliers)) / self.stiffness
             x, multipliers = x - self.priced[0] * price, multipliers - self.priced[1] * price
             room -= at.room / at.price * price
         over, under = own * price + multipliers, own * price - multipliers
@@ -294,8 +295,7 @@ class _Step:
     def mean_after(self, step: _Point | None) -> float:
         """Return the mean of all products after a step of full length, but within the bounds."""
         at = self.point if step is None else self.moved(step, 1.0)[0]
-        products = at.above @ at.over + at.below @ at.under + at.room * at.price
-        return float(products / (2 * at.above.size + self.iteration.limited))
+        return _products(at) / (2 * at.above.size + self.iteration.limited)
 
     def moved(self, step: _Point, share: float) -> tuple[_Point, float]:
         """Return the iterate after a step, and the larger length of x and λ.
@@ -319,6 +319,28 @@ class _Step:
             at.multipliers + two * step.multipliers,
             at.price + two * step.price,
         ), max(one, two)
+
+
+def _products(point: _Point) -> float:
+    """Return the sum of all products of an iterate."""
+    parts = _inner(point.above, point.over) + _inner(point.below, point.under)
+    return parts + point.room * point.price
+
+
+def _inner(one: Vector, other: Vector) -> float:
+    """Return an inner product.
+
+    Like `_product` it does without BLAS, whose threads take three times as much processor time for
+    vectors of this length.
+    """
+    return float(np.einsum("i,i", one, other))
+
+
+def _product(
+    matrix: Float[np.ndarray, "a b"], other: Float[np.ndarray, "b *c"]
+) -> Float[np.ndarray, "a *c"]:
+    """Return the product of a matrix that is long in one direction."""
+    return np.einsum("ij,j...->i...", matrix, other)
 
 
 def _farthest(pairs: list[tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_"]]]) -> float:

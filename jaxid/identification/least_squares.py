@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid.loop.log import Log
@@ -82,12 +83,19 @@ def fit_least_squares(system: System, logs: Sequence[Log], means: int = 2000) ->
 
 def _means(system: System, log: Log, n: int, width: int) -> tuple[np.ndarray, ...]:
     """Return regressors, input, time, position and velocity of n samples, one row per mean."""
-    h = float(log.period)
-    y, u = log.position[: n + 1], log.input[:n]
-    v = (y[2:] - y[:-2]) / (2 * h)
-    forces = system.regressors(y[1:-1], v, jnp.diff(y, 2) / h**2)
-    columns = (*forces, (u[1:] + u[:-1]) / 2, h * jnp.arange(1, n), y[1:-1], v)
+    phi, *others = _columns(system, log)
     count = (n - 1) // width
-    means = [np.asarray(c)[: count * width].reshape(count, width).mean(axis=1) for c in columns]
-    m = len(forces)
+    means = [
+        np.asarray(c)[: count * width].reshape(count, width).mean(axis=1) for c in (*phi, *others)
+    ]
+    m = len(phi)
     return np.stack(means[:m], axis=1), *means[m:]
+
+
+@eqx.filter_jit
+def _columns(system: System, log: Log) -> tuple[tuple[Array, ...], Array, Array, Array, Array]:
+    """Return regressors, input, time, position and velocity at the inner samples of a log."""
+    h, y, u = log.period, log.position, log.input
+    v = (y[2:] - y[:-2]) / (2 * h)
+    phi = system.regressors(y[1:-1], v, jnp.diff(y, 2) / h**2)
+    return phi, (u[1:] + u[:-1]) / 2, h * jnp.arange(1, u.size), y[1:-1], v

@@ -200,6 +200,7 @@ def _channel(stencil: tuple[float, ...], bound: Array, count: int) -> Channel:
     return Channel(jnp.array(stencil), jnp.broadcast_to(bound, (count,)))
 
 
+@eqx.filter_jit
 def upper_ends(
     logged: RegressionRows,
     weights: Float[Array, "k n"],

@@ -62,8 +62,8 @@ def residuals(system: System, logs: Sequence[Log], factor: float = 1.0) -> Resid
         InconsistentLogError: if no plant of the system can have produced one of the logs with the
             multiple of δ.
     """
-    known = system.with_scaled_disturbance(factor)
-    rows = [hats(system, log, state_bounds(known, log)) for log in logs]
+    known, wider = (system.with_scaled_disturbance(s) for s in (1.0, factor))
+    rows = [hats(known, log, state_bounds(wider, log)) for log in logs]
     longest = max(range(len(logs)), key=lambda k: logs[k].samples)
     half_width = _half_width(rows[longest], logs[longest].samples)
     total = sum(log.samples for log in logs)

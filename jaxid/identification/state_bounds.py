@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_float64
@@ -59,15 +60,18 @@ def state_bounds(system: System, log: Log) -> StateBounds:
     require_float64(log=log)
     found = _state_bounds(system, log)
     if is_concrete(found):
+        # NumPy: JAX would compile each operation
+        velocity = found.velocity
         require(
-            bool(jnp.all(jnp.isfinite(found.velocity.upper))),
+            bool(np.all(np.isfinite(velocity.upper))),
             f"Argument `log` has a sample period of {float(log.period):g} s, which is too long to "
             "bound a velocity with this prior box: the axis could accelerate without limit within "
             "it. A narrower prior box or a shorter period is needed.",
             UnboundedVelocityError,
         )
-        room = jnp.where(log.counted, found.velocity.half_width, jnp.inf)
-        tick = int(jnp.argmin(room))
+        room = np.asarray(velocity.upper) - np.asarray(velocity.lower)
+        room = np.where(np.arange(room.size) < log.samples, room, np.inf)
+        tick = int(np.argmin(room))
         require(
             float(room[tick]) >= 0,
             f"Argument `log` is inconsistent around sample {tick}: with these inputs, no axis with "

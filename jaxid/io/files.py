@@ -1,4 +1,4 @@
-"""Files out and in: CSV with 17 digits, JSON, netCDF; one file is written whole or not at all.
+"""Files out and in: CSV with 17 digits and JSON; one file is written whole or not at all.
 
 Functions that end in `_bytes` return the content of a file, so that all files of a result exist in
 memory before the first one is written (`jaxid.io.results`).
@@ -14,7 +14,6 @@ from pathlib import Path
 import jax.numpy as jnp
 import msgspec
 import numpy as np
-import xarray as xr
 from jaxtyping import Float
 
 from jaxid._checks import require
@@ -158,26 +157,6 @@ def trajectory_header(coordinate: str = "linear") -> tuple[str, ...]:
     unit = UNITS[coordinate]
     suffixes = (unit, f"{unit}_s", f"{unit}_s2", f"{unit}_s3")
     return ("time_s", *(f"{name}_{suffix}" for name, suffix in zip(STATES, suffixes, strict=True)))
-
-
-def dataset_bytes(dataset: xr.Dataset) -> bytes:
-    """Return a data set as netCDF (HDF5), compressed without loss.
-
-    The same data set gives the same bytes.
-    """
-    packed = {"zlib": True, "complevel": 9, "shuffle": True}
-    encoding = dict.fromkeys(dataset.data_vars, packed)
-    return bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding))
-
-
-def write_dataset(path: Path, dataset: xr.Dataset) -> None:
-    """Write a data set to a netCDF file; a file that already has this content is left untouched."""
-    write_bytes(path, dataset_bytes(dataset))
-
-
-def read_dataset(path: Path) -> xr.Dataset:
-    """Return the data set in a netCDF file, loaded into memory."""
-    return xr.load_dataset(path, engine="h5netcdf")
 
 
 def _column(rows: Sequence[Mapping[str, str]], name: str) -> Float[np.ndarray, " n"]:

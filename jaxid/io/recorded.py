@@ -1,9 +1,12 @@
 """A recorded log as arrays in SI units, and the columns of the file that it comes from."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+
+from jaxid._checks import require
 
 Column = str | int
 
@@ -40,3 +43,23 @@ class Recorded(NamedTuple):
     time: Float[np.ndarray, " n"] | None
     position: Float[np.ndarray, " n"]
     input: Float[np.ndarray, " n"]
+
+
+def place_of(column: Column, names: Sequence[str]) -> int:
+    """Return the index of a column, from 0.
+
+    Args:
+        column: name of the column, or its number from 1.
+        names: names of all columns.
+
+    Raises:
+        ValueError: if there is no such column.
+    """
+    if isinstance(column, int):
+        require(
+            1 <= column <= len(names),
+            f"column {column} must be from 1 to {len(names)}, which it has.",
+        )
+        return column - 1
+    require(column in names, f"no column {column!r}; it has {', '.join(names)}.")
+    return names.index(column)

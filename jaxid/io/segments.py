@@ -10,13 +10,12 @@ from jaxtyping import Bool, Float
 from jaxid._checks import require
 from jaxid._text import quantity
 from jaxid.io.recorded import Recorded
-from jaxid.loop.log import JITTER, Log, filled
+from jaxid.loop.log import JITTER, Log, padded
 
 _LEAST = 4  # smallest number of samples of a segment
 _CLOCKS = 0.01  # relative difference that two clocks may have
 _NEGLIGIBLE = 1e-6  # of a period: rounding of time stamps that is ignored
 _ROUNDINGS = 4  # rounding errors of a time stamp and of its differences
-_SHAPES = 2  # number of different lengths that are compiled separately
 
 
 class Segment(NamedTuple):
@@ -74,9 +73,6 @@ def steady_segments(
         f"{quantity(period, 's')} ± {JITTER:.0%} apart, among {n} rows. Check `time_unit`, "
         "`servo.period` and missing samples.",
     )
-    lengths = {piece.log.input.size for piece in found}
-    if len(lengths) > _SHAPES:  # pad, or each length would be compiled
-        found = [piece._replace(log=filled(piece.log, _rung(piece.log))) for piece in found]
     return tuple(found)
 
 
@@ -150,15 +146,11 @@ def _piece(
     position = recorded.position[first + delay : stop]
     acting = recorded.input[first : stop - delay]  # one more than sample periods
     if jitter == 0:
-        return Segment(first, stop - 1, Log(acting[:-1], position, period, resolution))
+        log = Log(acting[:-1], position, period, resolution)
+        return Segment(first, stop - 1, padded(log))
     outer = acting[[0, -1]]  # the first period may hold an unknown input
     log = Log(acting[1:-1], position[1:], period, resolution, jitter, outer)
-    return Segment(first, stop - 1, log)
-
-
-def _rung(log: Log) -> int:
-    """Return the next power of two of the length of a log, at least 32."""
-    return max(32, 2 ** int(np.ceil(np.log2(log.input.size))))
+    return Segment(first, stop - 1, padded(log))
 
 
 def rows_used(pieces: Sequence[Segment]) -> int:

@@ -17,6 +17,7 @@ from jaxid.model.interval_arithmetic import Range, exactly, where
 
 _ROUNDINGS = 4  # rounding errors of a position: of its reading, and of a difference of two or three
 JITTER = 0.1  # largest jitter, relative to the period
+_FEWEST = 32  # samples of a padded log
 
 
 class InconsistentLogError(ValueError):
@@ -174,6 +175,16 @@ def filled(log: Log, ticks: int) -> Log:
         np.array([before, after]),
         np.asarray(log.samples),
     )
+
+
+def padded(log: Log) -> Log:
+    """Return the log, padded to the next of a few lengths, for which programs are compiled.
+
+    There are four lengths per factor of two, so that at most a quarter more samples are computed.
+    """
+    size = max(log.input.size, _FEWEST)
+    quarter = 2.0 ** (np.floor(np.log2(size)) - 2)
+    return filled(log, int(np.ceil(size / quarter) * quarter))
 
 
 def whole(log: Log) -> Log:

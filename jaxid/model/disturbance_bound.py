@@ -34,6 +34,10 @@ class DisturbanceBound(eqx.Module):
         """
         return f"δ of {type(self).__name__}, in {unit}"
 
+    def scaled(self, factor: Scalar | float) -> "ScaledBound":
+        """Return this disturbance bound times a constant factor above zero."""
+        return ScaledBound(self, factor)
+
 
 class ConstantBound(DisturbanceBound):
     """A disturbance bound δ that is the same at all positions and velocities.
@@ -133,6 +137,10 @@ class ScaledBound(DisturbanceBound):
     def range(self, position: Range, velocity: Range) -> Range:
         """Return `factor` times the range of the other disturbance bound."""
         return self.factor * self.bound.range(position, velocity)
+
+    def scaled(self, factor: Scalar | float) -> "ScaledBound":
+        """Return the other disturbance bound times both factors."""
+        return ScaledBound(self.bound, factor * self.factor)
 
     def describe(self, unit: str, speed: str) -> str:
         """Return the factor, followed by the description of the other disturbance bound."""

@@ -1,7 +1,7 @@
 """The accelerations that the input limit permits (18), and the input that a motion needs."""
 
+import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_float64
 from jaxid._types import Interval, Numbers, Scalar, as_array
@@ -35,8 +35,16 @@ def acceleration_limit(
         [-8.89, 8.89]
     """
     require_float64(system=system)
-    peaks = _peak_parameters(system)[1:] * _peak_regressors(system, position, velocity)
-    return _remaining(system, as_array("input")(input), jnp.sum(peaks))
+    box = as_array("position")(position), as_array("velocity")(velocity), as_array("input")(input)
+    limit, load = _limit(system, *box)
+    if is_concrete(limit):
+        require(
+            float(limit[0]) < 0 < float(limit[1]),
+            f"Argument `input` = {list(map(float, box[2]))} {system.input_unit} is too small: "
+            f"with these prior intervals, friction, offset and the other terms may need up to "
+            f"{float(load):g} {system.input_unit}, so that nothing remains for acceleration.",
+        )
+    return limit
 
 
 def acceleration_reach(
@@ -81,30 +89,13 @@ def input_demand(system: System, states: States) -> Range:
     return sum((f * theta for f, theta in zip(phi, system.box, strict=True)), start=around(delta))
 
 
-def _peak_parameters(system: System) -> Float[Array, " m"]:
-    return jnp.maximum(jnp.abs(system.lower), jnp.abs(system.upper))
-
-
-def _peak_regressors(
-    system: System, position: Numbers, velocity: Numbers
-) -> Float[Array, " forces"]:
-    position, velocity = as_array("position")(position), as_array("velocity")(velocity)
-    return jnp.stack(
-        [
-            term.regressor.magnitude(position, velocity)
-            for term in system.terms
-            if term.regressor is not None
-        ]
-    )
-
-
-def _remaining(system: System, input: Interval, load: Scalar) -> Interval:
-    remaining = input + jnp.stack([load, -load])
-    if is_concrete(remaining):
-        require(
-            float(remaining[0]) < 0 < float(remaining[1]),
-            f"Argument `input` = {list(map(float, input))} {system.input_unit} is too small: "
-            f"with these prior intervals, friction, offset and the other terms may need up to "
-            f"{float(load):g} {system.input_unit}, so that nothing remains for acceleration.",
-        )
-    return remaining / system.upper[0]
+@eqx.filter_jit
+def _limit(
+    system: System, position: Interval, velocity: Interval, input: Interval
+) -> tuple[Interval, Scalar]:
+    """Return (18), and the input that all terms but inertia may need."""
+    terms = system.terms[1:]
+    peaks = [jnp.max(jnp.abs(term.interval)) for term in terms]
+    sizes = [t.regressor.magnitude(position, velocity) for t in terms if t.regressor is not None]
+    load = sum((a * b for a, b in zip(peaks, sizes, strict=True)), start=jnp.zeros(()))
+    return (input + jnp.stack([load, -load])) / system.upper[0], load
