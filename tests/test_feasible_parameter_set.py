@@ -15,7 +15,7 @@ from jaxid.identification.falsification import LEAST, MOST, smallest_factor
 from jaxid.identification.feasible_parameter_set import feasible_set, projection
 from jaxid.identification.interior_point import LeastDeviations
 from jaxid.identification.intervals import guaranteed_intervals
-from jaxid.identification.regression_rows import guaranteed_estimate, hats
+from jaxid.identification.regression_rows import RegressionRows, guaranteed_estimate, hats
 from jaxid.identification.state_bounds import state_bounds
 from jaxid.identification.unidentifiable import unidentifiable_directions
 from jaxid.loop.closed_loop import run
@@ -140,7 +140,7 @@ def test_a_factor_beside_errors_that_it_does_not_multiply_is_no_larger_than_prov
 
         def rows(s, wrong=wrong):
             widened = eqx.tree_at(lambda r: r.rows.delta, wrong, s * delta + added)
-            return exact_rows(SYSTEM, widened)
+            return RegressionRows(SYSTEM, widened, s * jnp.asarray(delta), {})
 
         solution = linprog(
             [0.0, 0.0, 0.0, 0.0, 1.0],

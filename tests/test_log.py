@@ -16,7 +16,7 @@ from jaxid.identification.regression_rows import boxes, guaranteed_estimate, hat
 from jaxid.identification.state_bounds import StateBounds, state_bounds
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance, random_shares
-from jaxid.loop.log import Log, filled
+from jaxid.loop.log import Log, filled, padded
 from jaxid.loop.scenarios import random_parameters, vertices
 from jaxid.loop.sensors import IdealSensor
 from jaxid.loop.servo import Servo
@@ -429,3 +429,14 @@ def test_the_error_of_interpolation_is_what_the_worst_motion_has(rows):
     bound = np.asarray(found.channels[name].worst(jnp.eye(n - 1))) / most
     assert np.all(error <= bound * (1 + 1e-9))
     assert np.max(error / bound) > 0.99
+
+
+def test_logs_of_many_lengths_are_padded_to_few():
+    """There are four lengths per factor of two; a quarter more samples at most are computed."""
+    lengths = np.unique(np.geomspace(2, 60_000, 300).round().astype(int))
+    logs = [padded(Log(np.ones(n), np.ones(n + 1), 1e-3, 1e-6)) for n in lengths]
+    sizes = np.array([log.input.size for log in logs])
+    assert [log.samples for log in logs] == lengths.tolist()
+    assert np.all(sizes <= np.maximum(1.25 * lengths, 32))
+    assert len(np.unique(sizes)) <= 4 * np.log2(60_000 / 32) + 2
+    assert padded(logs[-1]).input.size == sizes[-1]

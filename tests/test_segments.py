@@ -110,17 +110,6 @@ def test_what_coarse_stamps_may_hide_counts_as_jitter(seed):
     assert np.ptp(true - read) / 2 <= float(log.jitter)
 
 
-def test_pieces_of_many_lengths_have_few_shapes():
-    time = H * np.arange(6000)
-    log = recorded(time)
-    cuts = np.unique(np.random.default_rng(1).integers(0, 6000, 40))
-    log.input[cuts] = np.nan
-    pieces = steady_segments(log, H, Q)
-    check(log, pieces, time)
-    assert len({p.last - p.first for p in pieces}) > 20
-    assert len({p.log.input.size for p in pieces}) <= 6
-
-
 def test_a_clock_that_drifts_is_cut_where_it_must_be():
     """A period that changes by 1 % gives several segments, each with a nearly constant period."""
     time = np.append(0.0, np.cumsum(np.linspace(0.995, 1.005, 4000) * H))

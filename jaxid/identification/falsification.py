@@ -11,7 +11,7 @@ from jaxid._types import Scalar
 from jaxid.identification.joined_rows import rows_of_logs
 from jaxid.identification.modulating_functions import Knots, Program, program_of
 from jaxid.identification.regression_rows import RegressionRows, upper_ends
-from jaxid.loop.log import InconsistentLogError, Log
+from jaxid.loop.log import InconsistentLogError, Log, padded
 from jaxid.model.system import System
 
 LEAST, MOST = 1e-3, 1e3  # smallest and largest factor of δ in the search
@@ -141,6 +141,7 @@ def smallest_disturbance_factor(
         least: first factor of the search.
         close: relative accuracy of the result.
     """
+    logs = list(map(padded, logs))
 
     def rows(factor: Scalar) -> RegressionRows:
         return rows_of_logs(system.with_scaled_disturbance(factor), logs)

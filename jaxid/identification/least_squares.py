@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
-from jaxid.loop.log import Log
+from jaxid.loop.log import Log, padded
 from jaxid.model.system import System
 
 _LEAST = 5  # least samples of a mean, so that the noise of second differences is small
@@ -53,6 +53,7 @@ def fit_least_squares(system: System, logs: Sequence[Log], means: int = 2000) ->
     Raises:
         ValueError: if there are too few rows, or some parameters are not separately identifiable.
     """
+    logs = list(map(padded, logs))
     counts = [log.samples for log in logs]
     width = max(min(sum(counts) // means, int(np.median(counts)) // _PIECES), _LEAST)
     parts = [_means(system, log, n, width) for log, n in zip(logs, counts, strict=True)]

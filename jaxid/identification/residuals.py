@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 from jaxid.identification.regression_rows import RegressionRows, hats
 from jaxid.identification.state_bounds import state_bounds
-from jaxid.loop.log import Log
+from jaxid.loop.log import Log, padded
 from jaxid.model.system import System
 
 _MEANS = 2000  # approximate number of means of all logs together, at most
@@ -62,6 +62,7 @@ def residuals(system: System, logs: Sequence[Log], factor: float = 1.0) -> Resid
         InconsistentLogError: if no plant of the system can have produced one of the logs with the
             multiple of δ.
     """
+    logs = list(map(padded, logs))
     known, wider = (system.with_scaled_disturbance(s) for s in (1.0, factor))
     rows = [hats(known, log, state_bounds(wider, log)) for log in logs]
     longest = max(range(len(logs)), key=lambda k: logs[k].samples)

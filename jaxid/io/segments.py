@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from jaxid._checks import require
 from jaxid._text import quantity
 from jaxid.io.recorded import Recorded
-from jaxid.loop.log import JITTER, Log, padded
+from jaxid.loop.log import JITTER, Log
 
 _LEAST = 4  # smallest number of samples of a segment
 _CLOCKS = 0.01  # relative difference that two clocks may have
@@ -146,11 +146,10 @@ def _piece(
     position = recorded.position[first + delay : stop]
     acting = recorded.input[first : stop - delay]  # one more than sample periods
     if jitter == 0:
-        log = Log(acting[:-1], position, period, resolution)
-        return Segment(first, stop - 1, padded(log))
+        return Segment(first, stop - 1, Log(acting[:-1], position, period, resolution))
     outer = acting[[0, -1]]  # the first period may hold an unknown input
     log = Log(acting[1:-1], position[1:], period, resolution, jitter, outer)
-    return Segment(first, stop - 1, padded(log))
+    return Segment(first, stop - 1, log)
 
 
 def rows_used(pieces: Sequence[Segment]) -> int:
