@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+from contextlib import contextmanager
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,11 +11,13 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid.axis import cli
+from jaxid.axis import identify as axis_identify
+from jaxid.axis.commands import identify as identify_command
 from jaxid.axis.file import read_axis
 from jaxid.axis.identify import IdentifyResult, identify_axis
 from jaxid.axis.texts import example
 from jaxid.identification import identify as door
-from jaxid.identification.batches import knots_by_length
+from jaxid.identification.batches import SIZES, knots_by_length
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.io.files import read_trajectory
 from jaxid.io.recorded import Recorded
@@ -106,6 +109,31 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     with pytest.raises(SystemExit):
         cli.main(["identify", *arguments])
     assert "already exist" in capsys.readouterr().err
+
+
+def test_an_interruption_leaves_the_intervals_of_the_rows_before(
+    tmp_path, log, capsys, monkeypatch
+):
+    @contextmanager
+    def interrupted():
+        def report(message, share):
+            if message.startswith("batch 2 of 4"):
+                raise KeyboardInterrupt
+
+        yield report
+
+    monkeypatch.setattr(identify_command, "progress", interrupted)
+    monkeypatch.setattr(axis_identify, "SIZES", SIZES._replace(samples=800))
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["identify", *written(tmp_path, rows_of(log))])
+    assert stopped.value.code == 130
+    assert "Interrupted after 1 of 4 batches" in capsys.readouterr().out
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert found["interrupted"]
+    assert (found["batches"], len(found["segments"])) == (1, 1)
+    assert found["rows_used"] == found["segments"][0]["last_row"] < 800
+    for truth, one in zip(TRUTH, found["parameters"].values(), strict=True):
+        assert one["guaranteed"][0] <= truth <= one["guaranteed"][1]
 
 
 def test_a_log_with_a_large_unknown_force_is_falsified(tmp_path, log, capsys):

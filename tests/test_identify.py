@@ -9,7 +9,7 @@ from experiments.axes import linear_motor as motor
 from jaxid.identification import identify as door
 from jaxid.identification.batches import BatchSizes, batches, most_informative, samples_per_weight
 from jaxid.identification.falsification import LEAST, MOST
-from jaxid.identification.identify import identify
+from jaxid.identification.identify import InterruptedIdentification, identify
 from jaxid.io.files import read_trajectory
 from jaxid.loop.closed_loop import run
 from jaxid.loop.disturbances import NoDisturbance, Sequence
@@ -140,9 +140,13 @@ def test_padding_is_cut_off_where_a_log_is(parts):
 
 def test_batches_prove_what_the_whole_does(parts):
     told = []
-    found = identify(motor.system(), parts, sizes=SMALL, report=told.append)
+    report = lambda message, share: told.append((message, share))  # noqa: E731
+    found = identify(motor.system(), parts, sizes=SMALL, report=report)
     assert (found.batches, found.samples_per_weight) == (2, pytest.approx(1498 / 300))
-    assert told[0] == "batch 1 of 2: smallest consistent disturbance bound"
+    assert told[0] == ("batch 1 of 2: smallest consistent disturbance bound", 0.0)
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert shares[-1] < 1.0
     estimate = found.estimate
     for lower, upper in ((estimate.lower, estimate.upper), (found.lower, found.upper)):
         assert np.all((lower <= TRUTH) & (upper >= TRUTH))
@@ -162,6 +166,26 @@ def test_batches_prove_what_the_whole_does(parts):
     widths = (apart.upper - apart.lower) / (whole.upper - whole.lower)
     assert np.all(widths < 1.5), widths
     assert np.any(widths > 1.1), widths
+
+
+def test_an_interruption_leaves_the_intervals_of_the_batches_before(parts):
+    def interrupted(message, share):
+        if message.startswith("batch 2 of 2"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(InterruptedIdentification, match="after 1 of 2 batches") as stopped:
+        identify(motor.system(), parts, sizes=SMALL, report=interrupted)
+    found, alone = stopped.value.found, identify(motor.system(), parts[:2], sizes=SMALL)
+    assert (found.batches, stopped.value.batches) == (1, 2)
+    np.testing.assert_array_equal(found.lower, alone.lower)
+    np.testing.assert_array_equal(found.upper, alone.upper)
+
+    def at_once(message, share):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        identify(motor.system(), parts, sizes=SMALL, report=at_once)
+    assert not isinstance(stopped.value, InterruptedIdentification)
 
 
 def test_one_bad_batch_contradicts_the_axis(parts):

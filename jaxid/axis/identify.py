@@ -1,6 +1,6 @@
 """From a recorded log of an axis to guaranteed intervals, or to its inconsistency."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -9,15 +9,20 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxid._checks import require
+from jaxid._progress import Report, silent, within
 from jaxid._text import at_least, at_most, between, quantity
 from jaxid.axis.file import PROGRAM, Axis
 from jaxid.axis.result import Result
 from jaxid.axis.summaries import IdentificationSummary, IdentifiedParameter, UsedSegment
 from jaxid.axis.wording import in_words_of_files
 from jaxid.identification.assumptions import assumptions
-from jaxid.identification.batches import SIZES
+from jaxid.identification.batches import SIZES, batches
 from jaxid.identification.falsification import LEAST
-from jaxid.identification.identify import Identification, identify
+from jaxid.identification.identify import (
+    Identification,
+    InterruptedIdentification,
+    identify,
+)
 from jaxid.identification.least_squares import LeastSquaresFit, fit_least_squares
 from jaxid.identification.residuals import Residuals, residuals
 from jaxid.io import plots
@@ -53,6 +58,8 @@ class Identified(NamedTuple):
         inconsistency: inconsistency of the log; None if there is none.
         fit: least-squares fit; None if the log does not identify all parameters separately.
         residuals: residuals at the best θ of the prior box; None if the log is too inconsistent.
+        interruption: interruption by the user, after some batches of a long log; None, the default,
+            if there was none. Then the other fields are those of the segments of these batches.
     """
 
     axis: Axis
@@ -62,17 +69,17 @@ class Identified(NamedTuple):
     inconsistency: InconsistentLogError | None
     fit: LeastSquaresFit | None
     residuals: Residuals | None
+    interruption: InterruptedIdentification | None = None
 
 
-def identify_axis(
-    axis: Axis, recorded: Recorded, tell: Callable[[str], None] = lambda message: None
-) -> Identified:
+def identify_axis(axis: Axis, recorded: Recorded, report: Report = silent) -> Identified:
     """Identify an axis from a recorded log: guaranteed intervals, or the inconsistency of the log.
 
     Args:
         axis: axis from a file.
         recorded: rows of a log file, of a designed or any other motion.
-        tell: function that is called with the name of each step as it begins.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
 
     Raises:
         ValueError: if position or input are far outside the limits of the axis, or the rows are not
@@ -84,14 +91,18 @@ def identify_axis(
         recorded, servo.period, servo.resolution, axis.servo.delay, longest=SIZES.samples
     )
     logs = [piece.log for piece in found]
-    fit = _fit_if_possible(system, logs)
+    result = inconsistency = interruption = None
     try:
-        result, inconsistency = identify(system, logs, report=tell), None
+        result = identify(system, logs, sizes=SIZES, report=within(report, 0.0, 0.9))
     except InconsistentLogError as error:
-        result, inconsistency = None, error
-    tell("residuals")
-    shown = _residuals_if_possible(system, logs, inconsistency)
-    return Identified(axis, recorded, found, result, inconsistency, fit, shown)
+        inconsistency = error
+    except InterruptedIdentification as error:
+        result, interruption = error.found, error
+        logs = [log for batch in batches(logs, SIZES)[: result.batches] for log in batch]
+    report("residuals", 0.9)
+    fit, shown = _fit_if_possible(system, logs), _residuals_if_possible(system, logs, inconsistency)
+    used = found[: len(logs)]
+    return Identified(axis, recorded, used, result, inconsistency, fit, shown, interruption)
 
 
 def _residuals_if_possible(
@@ -186,6 +197,7 @@ def summary(found: Identified) -> IdentificationSummary:
         rows=found.recorded.position.size,
         rows_used=rows_used(found.pieces),
         batches=None if result is None else result.batches,
+        interrupted=found.interruption is not None,
         samples_per_weight=None if result is None else result.samples_per_weight,
         segments=tuple(
             UsedSegment(
@@ -241,8 +253,13 @@ def text(found: Identified) -> str:
 
 def _of_result(found: Identified, result: Identification) -> list[str]:
     long = f"Long log: processed in {result.batches} batches, then in all of them together."
+    if found.interruption is not None:
+        long = (
+            f"Interrupted after {result.batches} of {found.interruption.batches} batches: these "
+            "intervals are those of the rows above. All other rows were not tested."
+        )
     return [
-        *((long,) if result.batches > 1 else ()),
+        *((long,) if result.batches > 1 or found.interruption else ()),
         _intervals(found.axis.system, result),
         *([_NEAR_DELTA] if result.disturbance_factor > _NEAR else []),
         *(

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxid._checks import require
+from jaxid._progress import Report, silent
 from jaxid._text import at_least, at_most
 from jaxid.axis.file import Axis
 from jaxid.identification.batches import knots_by_length
@@ -76,7 +77,7 @@ class Proposal(NamedTuple):
         )
 
 
-def propose(axis: Axis, recorded: Recorded) -> Proposal:
+def propose(axis: Axis, recorded: Recorded, report: Report = silent) -> Proposal:
     """Propose a prior box and δ for the terms of an axis, from a log.
 
     The prior box and the δ of the axis file are not used.
@@ -84,6 +85,8 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
     Args:
         axis: axis from a file.
         recorded: log of any motion that identifies its parameters separately.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
 
     Raises:
         ValueError: if the log does not identify the parameters separately, its estimate of an
@@ -92,6 +95,7 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
     servo, system = axis.servo, axis.system
     pieces = steady_segments(recorded, servo.period, servo.resolution, axis.servo.delay)
     logs = [piece.log for piece in pieces]
+    report("least squares", 0.0)
     found = fit_least_squares(system, logs)
     require(
         found.theta[0] > 0,
@@ -111,6 +115,7 @@ def propose(axis: Axis, recorded: Recorded) -> Proposal:
             "be wrong.",
         )
     known = system.with_box(jnp.asarray(lower), jnp.asarray(upper))
+    report("smallest consistent disturbance bound", 0.1)
     try:
         delta = MARGIN * _smallest(known, logs, found.residual)
     except UnboundedVelocityError:  # the encoder error makes the intervals wide

@@ -1,6 +1,5 @@
 """Monte Carlo simulation of an axis from a file along a motion: random plants of its prior box."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -10,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxid._checks import require
+from jaxid._progress import Report, silent
 from jaxid.axis.design import played
 from jaxid.axis.file import Axis
 from jaxid.identification.intervals import guaranteed_intervals
@@ -24,6 +24,7 @@ from jaxid.motion.trajectory import JerkTrajectory
 SUBSTEPS = 5  # Runge-Kutta steps per period: limits are checked between samples too
 DRAWN = 30
 _RANDOM = 3  # first plant that is disturbed at random
+_SIMULATED = 0.3  # share of the work that is done when all plants are simulated
 _PUSH = 10.0  # 1/s: k₁ of the disturbances against tracking
 
 
@@ -62,7 +63,7 @@ def simulate_axis(
     plants: int = 200,
     logs: int = 10,
     seed: int = 0,
-    tell: Callable[[str], None] = lambda message: None,
+    report: Report = silent,
 ) -> Simulated:
     """Simulate random plants of the prior box in closed loop along a motion.
 
@@ -75,7 +76,8 @@ def simulate_axis(
         plants: number of plants.
         logs: number of plants whose logs are also identified.
         seed: seed of the random θ and Δ.
-        tell: function that is called with the name of each step as it begins.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
 
     Raises:
         ValueError: if the axis has no controller, or `logs` is not between 1 and `plants`.
@@ -86,12 +88,12 @@ def simulate_axis(
     kinds = (NoDisturbance(), AgainstTracking(_PUSH), AgainstTracking(-_PUSH))
     key = jax.random.key(seed)
     scenarios = random_scenarios(key, axis.system, kinds, loop.ticks, plants)
-    tell(f"{plants} plants")
+    report(f"{plants} plants", 0.0)
     excess = np.asarray(plant_violations(loop, scenarios, axis.task.limits, whole))
     drawn = _signals(loop, scenarios[np.arange(min(max(logs, DRAWN), plants))], whole)
     kept, lengths, outside = [_log(axis, drawn, k) for k in range(logs)], [], 0
     for k, log in enumerate(kept):
-        tell(f"intervals from log {k + 1} of {logs}")
+        report(f"intervals from log {k + 1} of {logs}", _SIMULATED + (1 - _SIMULATED) * k / logs)
         found = guaranteed_intervals(axis.system, [log]).estimate
         theta = scenarios.theta[k]
         outside += not bool(jnp.all((found.lower <= theta) & (theta <= found.upper)))

@@ -207,6 +207,7 @@ class IdentificationSummary(msgspec.Struct, frozen=True, kw_only=True):
         rows: number of rows of the log.
         rows_used: number of rows that were used.
         batches: number of batches in which the log was processed; null for an inconsistent log.
+        interrupted: whether the user interrupted the command, so that other rows were not tested.
         samples_per_weight: largest mean number of samples per estimator weight; null for an
             inconsistent log.
         segments: segments between gaps, repeated rows and missing numbers.
@@ -222,6 +223,7 @@ class IdentificationSummary(msgspec.Struct, frozen=True, kw_only=True):
     rows: int
     rows_used: int
     batches: int | None
+    interrupted: bool
     samples_per_weight: Number
     segments: tuple[UsedSegment, ...]
     assumptions: tuple[str, ...]

@@ -4,13 +4,14 @@ This is the one way from data to intervals. The disturbance bound is tested firs
 vector of the prior box explains the logs with |Δ| ≤ δ, no interval is returned.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import is_concrete, require, require_concrete, require_float64
+from jaxid._progress import Report, silent, within
 from jaxid._text import above_one
 from jaxid.identification.batches import (
     SIZES,
@@ -30,7 +31,6 @@ from jaxid.model.system import System
 from jaxid.regression.estimate import Estimate
 
 Directions = dict[str, Float[np.ndarray, " m"]]
-Report = Callable[[str], None]
 _UNCHANGED = 1e-6  # relative: an interval that shrinks by less counts as unchanged
 _ROUGH = 0.03  # relative accuracy of a factor that is far from 1
 _FAR_FROM_ONE = 0.5  # more weights do not raise a factor below this above 1
@@ -71,7 +71,7 @@ def identify(
     logs: Log | Sequence[Log],
     *,
     sizes: BatchSizes = SIZES,
-    report: Report = lambda message: None,
+    report: Report = silent,
 ) -> Identification:
     """Return guaranteed intervals of every parameter, from one or several logs of one axis.
 
@@ -85,9 +85,12 @@ def identify(
         logs: one log or several logs of any length; sample periods and encoders may differ. Long
             logs are processed in batches.
         sizes: sizes of the batches.
-        report: function that is called with the name of each step as it begins.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
 
     Raises:
+        InterruptedIdentification: if the user interrupts (Ctrl-C) after the first of several
+            batches. Its `found` holds the guaranteed intervals from the batches that are done.
         InconsistentLogError: if no θ of the prior box explains the logs with |Δ| ≤ δ. Its
             `factor` is a lower bound on the multiple of δ that would be needed.
         ValueError: if there is no log, if the system or a log is not float64, or if the logs are
@@ -119,13 +122,41 @@ def identify(
         logs=given,
     )
     parts = [tuple(map(padded, part)) for part in batches(given, sizes)]
-    progress = _Progress(system, sizes, len(parts))
-    for number, part in enumerate(parts, 1):
-        label = f"batch {number} of {len(parts)}: " if len(parts) > 1 else ""
-        progress.add(part, lambda said, label=label: report(label + said))
-    if len(parts) > 1:
-        progress.process_together(lambda said: report(f"together: {said}"))
+    progress = _Progress(system, sizes)
+    try:
+        _process(progress, parts, report)
+    except KeyboardInterrupt:
+        if progress.done == 0:
+            raise
+        raise InterruptedIdentification(progress.result(), len(parts)) from None
     return progress.result()
+
+
+class InterruptedIdentification(KeyboardInterrupt):
+    """The interruption of `identify` by the user after some of several batches.
+
+    Attributes:
+        found: guaranteed intervals from the batches that are done; the others were not tested.
+        batches: number of all batches.
+    """
+
+    def __init__(self, found: Identification, batches: int) -> None:
+        """Keep the result of the batches that are done."""
+        super().__init__(f"Interrupted after {found.batches} of {batches} batches.")
+        self.found, self.batches = found, batches
+
+
+def _process(progress: "_Progress", parts: Sequence[tuple[Log, ...]], report: Report) -> None:
+    """Process batches one by one, then together."""
+    count = len(parts)
+    # the last step takes about as long as half of the batches, or all of them again
+    alone = 1.0 if count == 1 else 0.6
+    for number, part in enumerate(parts, 1):
+        label = f"batch {number} of {count}: " if count > 1 else ""
+        first, last = alone * (number - 1) / count, alone * number / count
+        progress.add(part, within(report, first, last, label))
+    if count > 1:
+        progress.process_together(within(report, alone, 1.0, "all batches together: "))
 
 
 def _require_logs(logs: Sequence[Log]) -> None:
@@ -147,11 +178,11 @@ def _require_logs(logs: Sequence[Log]) -> None:
 class _Progress:
     """The state of an identification after some batches."""
 
-    def __init__(self, system: System, sizes: BatchSizes, count: int) -> None:
+    def __init__(self, system: System, sizes: BatchSizes) -> None:
         self.system = system
         self.known = system
         self.sizes = sizes
-        self.count = count
+        self.done = 0
         self.factor = LEAST
         self.refusal: str | None = None
         self.estimates: list[Estimate] = []
@@ -171,7 +202,7 @@ class _Progress:
         self.samples_per_weight = max(
             self.samples_per_weight, samples_per_weight(sizes.knots, logs)
         )
-        report("smallest consistent disturbance bound")
+        report("smallest consistent disturbance bound", 0.0)
         for finer, close in ((1, _ROUGH), (sizes.finer, CLOSE)):
             weights = knots_by_length(finer * sizes.knots, logs)
             self.factor = smallest_disturbance_factor(
@@ -180,9 +211,10 @@ class _Progress:
             if self.factor < _FAR_FROM_ONE or self.factor == MOST:
                 break
         if self.consistent and (self.unidentifiable is None or self.unidentifiable):
-            report("unidentifiable directions")
+            report("unidentifiable directions", 0.4)
             self._look(logs, sizes.knots)
-        self._narrow(logs, sizes.knots, report)
+        self._narrow(logs, sizes.knots, within(report, 0.5, 1.0))
+        self.done += 1
 
     def process_together(self, report: Report) -> None:
         """Process all batches at once, or the most informative ones, if they are consistent.
@@ -193,10 +225,14 @@ class _Progress:
         if not self.consistent:
             return
         logs = most_informative(self._with_room, self.parts, self.sizes)
-        self._narrow(logs, self.sizes.knots_together, report)
-        if sum(log.samples for log in logs) < sum(x.samples for part in self.parts for x in part):
-            for part in self.parts:
-                self._narrow(part, self.sizes.knots, report)
+        samples = [sum(log.samples for log in part) for part in (logs, *self.parts)]
+        again = self.parts if samples[0] < sum(samples[1:]) else []
+        ends = np.cumsum([0, samples[0], *samples[1:]]) / sum(samples[: 1 + len(again)])
+        self._narrow(logs, self.sizes.knots_together, within(report, 0.0, float(ends[1])))
+        for number, part in enumerate(again, 1):
+            first, last = ends[number : number + 2].tolist()
+            label = f"batch {number} of {len(again)} again: "
+            self._narrow(part, self.sizes.knots, within(report, first, last, label))
         if self.unidentifiable:
             self._look(logs, self.sizes.knots_together)
 
@@ -224,7 +260,7 @@ class _Progress:
             tightest(self.estimates),
             self.factor,
             {k: v for k, v in (self.unidentifiable or {}).items() if k in wide},
-            self.count,
+            self.done,
             self.samples_per_weight,
         )
 
@@ -234,9 +270,9 @@ class _Progress:
             return
         weights = knots_by_length(knots, logs)
         try:
-            report("guaranteed intervals")
+            report("guaranteed intervals", 0.0)
             found = guaranteed_intervals(self.known, logs, weights)
-            report("feasible parameter set")
+            report("feasible parameter set", 0.6)
             left = feasible_set(found.rows, [found.estimate], weights)
             self.estimates.append(found.estimate)
             self.known = narrowed_to(self.known, left.lower, left.upper)
@@ -247,7 +283,7 @@ class _Progress:
 
     def _refuse(self, report: Report) -> None:
         """Note an inconsistency, and find the factor of δ that all batches together need."""
-        report("smallest consistent disturbance bound")
+        report("smallest consistent disturbance bound", 1.0)
         self.refusal = (
             "No parameter vector of the prior box explains the data, unless the disturbance bound "
             "is larger than 1·δ."

@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from tqdm import tqdm
-
-from jaxid.axis.commands.shared import columns, finish
+from jaxid.axis.commands.shared import columns, finish, progress
 from jaxid.axis.file import Axis
 from jaxid.axis.identify import IdentifyResult, identify_axis
 from jaxid.io.log_file import read_log
@@ -19,7 +17,9 @@ def run(known: Axis, axis: Path, log: Path, out: Path, *, force: bool) -> bool:
     """
     require_writable(out, IdentifyResult.names, replace=force)
     recorded = read_log(log, columns(axis, known))
-    with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
-        found = identify_axis(known, recorded, line.set_description)
+    with progress() as report:
+        found = identify_axis(known, recorded, report)
     finish(out, IdentifyResult(found, sha256_of(log)), replace=force)
+    if found.interruption is not None:
+        raise KeyboardInterrupt from None
     return found.result is not None

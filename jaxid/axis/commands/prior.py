@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jaxid.axis.commands.shared import columns
+from jaxid.axis.commands.shared import columns, progress
 from jaxid.axis.file import Axis
 from jaxid.axis.prior import propose
 from jaxid.io.log_file import read_log
@@ -13,4 +13,7 @@ def run(known: Axis, axis: Path, log: Path) -> None:
 
     The arguments are those of `jaxid.axis.cli.prior`; `known` is the axis of the axis file.
     """
-    print(propose(known, read_log(log, columns(axis, known))).text())
+    recorded = read_log(log, columns(axis, known))
+    with progress() as report:
+        found = propose(known, recorded, report)
+    print(found.text())

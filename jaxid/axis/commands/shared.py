@@ -1,8 +1,12 @@
 """What several commands do: find the columns of a log, and write a result and print it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from tqdm import tqdm
+
+from jaxid._progress import Report
 from jaxid.axis.file import Axis
 from jaxid.axis.result import Result, write
 from jaxid.io.recorded import Columns
@@ -30,6 +34,22 @@ def tell_changed(path: Path, folders: Iterable[Path]) -> None:
     """Print the folders whose motions were designed for another version of an axis file."""
     for folder in folders:
         print(f"Warning: {path} has changed since the design in {folder} was made.")
+
+
+@contextmanager
+def progress() -> Iterator[Report]:
+    """Yield a function that shows progress on one line, with the time that remains.
+
+    It takes the name of a step that begins, and the share of the work that is done.
+    """
+    shown = "{desc}: {percentage:.0f} % done, {elapsed} elapsed, {remaining} remaining"
+    with tqdm(desc="preparation", total=1.0, bar_format=shown, leave=False) as line:
+
+        def report(message: str, share: float) -> None:
+            line.n = max(line.n, share)
+            line.set_description_str(message)
+
+        yield report
 
 
 def finish(folder: Path, result: Result, *, replace: bool) -> None:

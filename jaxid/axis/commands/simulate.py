@@ -2,9 +2,7 @@
 
 from pathlib import Path
 
-from tqdm import tqdm
-
-from jaxid.axis.commands.shared import finish, tell_changed
+from jaxid.axis.commands.shared import finish, progress, tell_changed
 from jaxid.axis.file import Axis
 from jaxid.axis.saved_designs import of_another_axis, read_design
 from jaxid.axis.simulate import simulate_axis
@@ -21,7 +19,7 @@ def run(
     """
     saved = read_design(folder, known.system.coordinate)
     require_writable(folder, SimulateResult.names, replace=force)
-    with tqdm(bar_format="{desc} ({elapsed})", leave=False) as line:
-        found = simulate_axis(known, saved.motion, plants, logs, seed, line.set_description)
+    with progress() as report:
+        found = simulate_axis(known, saved.motion, plants, logs, seed, report)
     tell_changed(axis, of_another_axis([saved], known))
     finish(folder, SimulateResult(found, saved.part.digest), replace=force)
