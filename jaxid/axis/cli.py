@@ -269,7 +269,10 @@ def _require_seed(seed: int) -> None:
 
 
 def _read(path: Path, run_python: bool):
-    """Return the axis of a file, before the rest of the library is imported."""
+    """Return the axis of a file; a mistake in its entries is found before JAX is imported."""
+    from jaxid.axis.tables import read_tables
+
+    read_tables(path)
     from jaxid.axis.file import read_axis
     from jaxid.runtime import configure
 

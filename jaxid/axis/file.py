@@ -3,7 +3,6 @@
 The file is data. Reading it never runs code, unless the caller permits it.
 """
 
-import codecs
 import hashlib
 import importlib.util
 import sys
@@ -16,14 +15,21 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import msgspec
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
+from jaxid.axis.objects import (
+    boundary_of,
+    columns_of,
+    controller_of,
+    limits_of,
+    system_of,
+    targets_of,
+)
 from jaxid.axis.schema import AxisTables, whole
+from jaxid.axis.tables import read_tables
 from jaxid.axis.wording import in_words_of_files
-from jaxid.axis.wrong_entry import explained, invalid_line
 from jaxid.io.recorded import Columns
 from jaxid.loop.controllers import Controller
 from jaxid.loop.servo import Servo
@@ -107,26 +113,17 @@ def read_axis(path: Path | str, *, run_python: bool = False) -> Axis:
         ValueError: if the file is invalid; the message names the file and the entry.
     """
     path = Path(path)
-    data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
+    tables, data = read_tables(path)
     try:
-        tables = msgspec.toml.decode(data, type=AxisTables)
         system = _system(tables, path, run_python)
         return _axis(tables, system, hashlib.sha256(data + _code(tables, path)).hexdigest())
-    except msgspec.ValidationError as error:
-        raise ValueError(f"File {path}: {explained(error, data)}") from None
-    except RecursionError:
-        raise ValueError(f"File {path}: its entries are nested too deeply.") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"File {path} must be text in UTF-8.") from None
-    except msgspec.DecodeError as error:
-        raise ValueError(f"File {path}: {invalid_line(error, data)}") from None
     except ValueError as error:
         raise ValueError(f"File {path}: {in_words_of_files(str(error))}") from None
 
 
 def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
-    limits, motion = tables.limits.of(system, tables.input), tables.motion
-    task = Task(limits, motion.boundary(), motion.intervals, motion.knot_period)
+    limits, motion = limits_of(tables.limits, system, tables.input), tables.motion
+    task = Task(limits, boundary_of(motion), motion.intervals, motion.knot_period)
     servo = Servo(tables.servo.period, tables.servo.resolution, tables.input.delay)
     _require_logs(task, servo)
     gain, log, law = tables.input.gain, tables.log, tables.controller
@@ -136,9 +133,9 @@ def _axis(tables: AxisTables, system: System, digest: str) -> Axis:
         servo,
         gain,
         tables.servo.velocity_error,
-        None if log is None else log.columns(tables.coordinate, gain),
-        None if law is None else law.controller(system),
-        tables.targets(system),
+        None if log is None else columns_of(log, tables.coordinate, gain),
+        None if law is None else controller_of(law, system),
+        targets_of(tables.wanted, system),
         motion.start if motion.home is None else motion.home,
         motion.waiting,
         digest,
@@ -153,7 +150,7 @@ def _require_logs(task: Task, servo: Servo) -> None:
 
 def _system(tables: AxisTables, path: Path, run_python: bool) -> System:
     if tables.python is None:
-        return tables.system()
+        return system_of(tables)
     require(
         run_python,
         f"this file refers to Python code ({tables.python}); add --run-python to allow it to run.",

@@ -1,25 +1,15 @@
-"""The tables of an axis file, with the check of every entry."""
+"""The tables of an axis file, with a check of every entry.
+
+`jaxid.axis.objects` makes the objects of the library from them. This module imports nothing that is
+slow, so that a mistake in a file is found at once.
+"""
 
 import math
-from collections.abc import Iterable, Mapping
 from typing import Literal
 
-import jax.numpy as jnp
 import msgspec
-from jaxtyping import Array, Float
-
-from jaxid.io.recorded import Column, Columns
-from jaxid.loop.controllers import ARC, Controller, PDFeedforward
-from jaxid.model.disturbance_bound import ConstantBound, DisturbanceBound, SpeedBand
-from jaxid.model.regressors import Constant, Coulomb, OneWay, Regressor, Sign, Sine, Spring, Viscous
-from jaxid.model.system import System, Term
-from jaxid.motion.acceleration_limit import acceleration_limit
-from jaxid.motion.limits import Boundary, Limits, Via
 
 Coordinate = Literal["linear", "rotary"]
-_LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
-_ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}
-_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _MOST = 10_000  # limit for intervals of a motion and for a delay in sample periods
 _RESERVED = ("all", "wanted")  # targets of a design that are no parameters
 Pair = tuple[float, float]
@@ -65,40 +55,30 @@ class Kind(Table, tag_field="kind"):
         if self.name in _RESERVED:
             raise ValueError(f"`name` must not be all or wanted, but is {self.name!r}")
 
-    def regressor(self) -> Regressor | None:
-        """Return the regressor of the term; None for the inertia."""
-        raise NotImplementedError
 
-    def term(self) -> Term:
-        """Return the entry as a term of a `System`."""
-        return Term(self.name, self.unit, self.interval, self.regressor())
+class Inertia(Kind, tag="inertia"):
+    """An inertia: the acceleration is its regressor."""
 
 
-class _Inertia(Kind, tag="inertia"):
-    def regressor(self) -> None:
-        return None
+class Constant(Kind, tag="constant"):
+    """A constant offset of the input."""
 
 
-class _Constant(Kind, tag="constant"):
-    def regressor(self) -> Regressor:
-        return Constant()
+class Spring(Kind, tag="spring"):
+    """A spring, with its position at rest in m or rad."""
 
-
-class _Spring(Kind, tag="spring"):
     rest: float = 0.0
 
-    def regressor(self) -> Regressor:
-        return Spring(self.rest)
 
+class Gravity(Kind, tag="gravity"):
+    """Gravity on a rotary axis, with its phase in rad."""
 
-class _Gravity(Kind, tag="gravity"):
     phase: float = 0.0
 
-    def regressor(self) -> Regressor:
-        return Sine(self.phase)
 
+class Cogging(Kind, tag="cogging", kw_only=True):
+    """A harmonic of cogging, with the pitch in m or rad and the phase in rad."""
 
-class _Cogging(Kind, tag="cogging", kw_only=True):
     pitch: float
     harmonic: int = 1
     phase: float = 0.0
@@ -111,42 +91,30 @@ class _Cogging(Kind, tag="cogging", kw_only=True):
                 f"{self.pitch:g} and {self.harmonic}"
             )
 
-    def regressor(self) -> Regressor:
-        return Sine(self.phase, self.pitch / self.harmonic)
 
-
-class _Friction(Kind, kw_only=True):
+class Friction(Kind, kw_only=True):
     """Friction, a function of velocity, in both directions or in one."""
 
     direction: Direction = "both"
 
-    def both(self) -> Regressor:
-        raise NotImplementedError
 
-    def regressor(self) -> Regressor:
-        if self.direction == "both":
-            return self.both()
-        return OneWay(self.both(), self.direction == "forward")
+class Viscous(Friction, tag="viscous"):
+    """Friction in proportion to the velocity."""
 
 
-class _Viscous(_Friction, tag="viscous"):
-    def both(self) -> Regressor:
-        return Viscous()
+class Sign(Friction, tag="sign"):
+    """Friction with the sign of the velocity."""
 
 
-class _Sign(_Friction, tag="sign"):
-    def both(self) -> Regressor:
-        return Sign()
+class Coulomb(Friction, tag="coulomb", kw_only=True):
+    """Friction with a smooth sign of the velocity, of steepness `beta` in s/m or s/rad."""
 
-
-class _Coulomb(_Friction, tag="coulomb", kw_only=True):
     beta: float
 
-    def both(self) -> Regressor:
-        return Coulomb(self.beta)
 
+class Input(Table):
+    """The table [input]; the gain is the unit of the input per unit of the command."""
 
-class _Input(Table):
     unit: Literal["V", "A", "N", "N m"]
     gain: float = 1.0
     delay: int = 0
@@ -164,26 +132,25 @@ class _Input(Table):
         return low, high
 
 
-class _Servo(Table):
+class Servo(Table):
+    """The table [servo], in s, m or rad, and m/s or rad/s."""
+
     period: float
     resolution: float
     velocity_error: float = 0.0
 
 
-class _Disturbance(Table):
+class Disturbance(Table):
+    """The table [disturbance]: one level of δ, or two and the speed between them."""
+
     level: float
     slow: float | None = None
     threshold: float | None = None
 
-    def bound(self) -> DisturbanceBound:
-        if self.slow is None and self.threshold is None:
-            return ConstantBound(self.level)
-        if self.slow is None or self.threshold is None:
-            raise ValueError("[disturbance] must have both `slow` and `threshold`, or neither")
-        return SpeedBand(self.slow, self.level, self.threshold)
 
+class Limits(Table):
+    """The table [limits], in SI units and in the unit of the command."""
 
-class _Limits(Table):
     position: Pair
     velocity: Pair
     input: Pair
@@ -191,93 +158,59 @@ class _Limits(Table):
     acceleration: Pair | None = None
     input_rate: Pair | None = None
 
-    def of(self, system: System, input: _Input) -> Limits:
-        """Return the limits in the unit of the input."""
-        rate = None if self.input_rate is None else input.pushed(self.input_rate)
-        box = {"position": self.position, "velocity": self.velocity}
-        pushed = input.pushed(self.input)
-        acceleration = self.acceleration
-        if acceleration is None:
-            acceleration = acceleration_limit(system, **box, input=pushed)
-        return Limits(
-            **box, acceleration=acceleration, jerk=self.jerk, input=pushed, input_rate=rate
-        )
 
+class Log(Table):
+    """The table [log]: columns, each by its name or its number from 1, and their units.
 
-class _Log(Table):
-    """The columns of a log; units are names, or numbers: SI units per unit of the column."""
+    A unit is a name, or a number of SI units per unit of the column.
+    """
 
-    position: Column
-    input: Column
-    time: Column | None = None
+    position: str | int
+    input: str | int
+    time: str | int | None = None
     position_unit: str | float = 1.0
     time_unit: str | float = 1.0
     input_unit: float = 1.0
 
-    def columns(self, coordinate: Coordinate, gain: float) -> Columns:
-        """Return the columns, with the input in the unit of the axis."""
-        lengths = _LENGTHS if coordinate == "linear" else _ANGLES
-        position = _unit("position_unit", self.position_unit, lengths)
-        time = _unit("time_unit", self.time_unit, _TIMES)
-        input = gain * _unit("input_unit", self.input_unit, {})
-        return Columns(self.position, self.input, self.time, position, input, time)
 
-
-def _unit(name: str, unit: str | float, named: Mapping[str, float]) -> float:
-    found = named.get(unit) if isinstance(unit, str) else unit
-    if not found:
-        right = ", ".join([*named, "or a number above zero"])
-        raise ValueError(f"`log.{name}` must be {right}, but is {unit!r}.")
-    return found
-
-
-class _Law(Table, tag_field="kind"):
+class Law(Table, tag_field="kind"):
     """A controller, with gains in the unit of the input."""
 
-    def controller(self, system: System) -> Controller:
-        raise NotImplementedError
 
+class PD(Law, tag="pd"):
+    """Feed-forward with position and velocity feedback."""
 
-class _PD(_Law, tag="pd"):
     kp: float
     kd: float
 
-    def controller(self, system: System) -> Controller:
-        return PDFeedforward(system, system.centre, self.kp, self.kd)
 
+class ARC(Law, tag="arc"):
+    """Adaptive robust control."""
 
-class _ARC(_Law, tag="arc"):
     k1: float
     k2: float
     epsilon: float
     gamma: dict[str, float] = {}
 
-    def controller(self, system: System) -> Controller:
-        _require_parameters("controller.gamma", self.gamma, system)
-        gamma = jnp.array([self.gamma.get(name, 0.0) for name in system.names])
-        return ARC(system, self.k1, self.k2, self.epsilon, gamma)
 
+class Via(Table):
+    """A position that the motion must reach at a fraction of its duration."""
 
-class _Via(Table):
     at: float
     lower: float | None = None
     upper: float | None = None
 
-    def via(self) -> Via:
-        low, high = (-math.inf, -math.inf), (math.inf, math.inf)
-        lower = -math.inf if self.lower is None else self.lower
-        upper = math.inf if self.upper is None else self.upper
-        return Via(self.at, (lower, *low), (upper, *high))
 
+class Motion(Table):
+    """The table [motion], in s, m or rad."""
 
-class _Motion(Table):
     start: float
     duration: float
     knot_period: float
     end: float | None = None
     home: float | None = None
     settle: float = 0.0
-    via: tuple[_Via, ...] = ()
+    via: tuple[Via, ...] = ()
 
     @property
     def intervals(self) -> int:
@@ -290,12 +223,6 @@ class _Motion(Table):
         if self.settle < 0:
             raise ValueError(f"`motion.settle` must be 0 s or more, but is {self.settle:g} s.")
         return whole(self.settle, self.knot_period, "`motion.settle`") if self.settle else 0
-
-    def boundary(self) -> Boundary:
-        """Return the boundary from rest to rest; without `end`, at any position."""
-        low, high = (-math.inf, math.inf) if self.end is None else (self.end, self.end)
-        rest = Via(1.0, (low, 0.0, 0.0), (high, 0.0, 0.0))
-        return Boundary((self.start, 0.0, 0.0), (*(via.via() for via in self.via), rest))
 
 
 def whole(time: float, period: float, name: str) -> int:
@@ -342,19 +269,19 @@ class AxisTables(Table, kw_only=True):
     """
 
     coordinate: Coordinate
-    input: _Input
-    servo: _Servo
-    limits: _Limits
-    motion: _Motion
+    input: Input
+    servo: Servo
+    limits: Limits
+    motion: Motion
     terms: tuple[
-        _Inertia | _Viscous | _Coulomb | _Sign | _Constant | _Spring | _Gravity | _Cogging,
+        Inertia | Viscous | Coulomb | Sign | Constant | Spring | Gravity | Cogging,
         ...,
     ] = ()
-    disturbance: _Disturbance | None = None
+    disturbance: Disturbance | None = None
     python: str | None = None
     wanted: dict[str, float] = {}
-    log: _Log | None = None
-    controller: _PD | _ARC | None = None
+    log: Log | None = None
+    controller: PD | ARC | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -362,38 +289,4 @@ class AxisTables(Table, kw_only=True):
         if said != ((self.python is None),) * 2:
             raise ValueError(
                 "the model must be given either by [[terms]] and [disturbance], or by `python`"
-            )
-
-    def system(self) -> System:
-        """Return the system of the built-in terms and disturbance bound."""
-        assert self.disturbance is not None
-        inertias = [isinstance(kind, _Inertia) for kind in self.terms]
-        if inertias != [True] + [False] * (len(inertias) - 1):
-            kinds = ", ".join(str(kind.__struct_config__.tag) for kind in self.terms)
-            raise ValueError(
-                'the first of the [[terms]], and only this one, must have kind = "inertia", but '
-                f"their kinds are {kinds}."
-            )
-        terms = tuple(kind.term() for kind in self.terms)
-        return System(terms, self.disturbance.bound(), self.input.unit, self.coordinate)
-
-    def targets(self, system: System) -> Float[Array, " m"]:
-        """Return the required accuracy of each parameter, shape (m,); inf where none is required.
-
-        Raises:
-            ValueError: if a name is not a parameter, or an accuracy is not above zero.
-        """
-        _require_parameters("wanted", self.wanted, system)
-        for name, error in self.wanted.items():
-            if error <= 0:
-                raise ValueError(f"`wanted.{name}` must be above zero, but is {error:g}.")
-        return jnp.array([self.wanted.get(name, math.inf) for name in system.names])
-
-
-def _require_parameters(table: str, names: Iterable[str], system: System) -> None:
-    for name in names:
-        if name not in system.names:
-            raise ValueError(
-                f"[{table}] must have names of parameters, {', '.join(system.names)}, but has "
-                f"{name!r}."
             )
