@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-design test long mutants oldest check clean
+.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-suites bench-design test long mutants oldest check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.paper
@@ -46,8 +46,11 @@ emps: $(READY)  ## what a real record proves: make emps DATA=…/DATA_EMPS.mat; 
 crosscheck: $(READY)  ## Table I beside three longer searches; up to 50 minutes
 	$(BIN)/python -m experiments.beyond.crosscheck
 
-bench: $(BENCH)  ## how fast, compared with C and CasADi; under five minutes on an idle machine
+bench: $(BENCH)  ## how fast, compared with C and CasADi, and what a user waits for; ten minutes
 	$(BIN)/python -m experiments.bench
+
+bench-suites: $(BENCH)  ## the same, with the times of make reproduce and make test; 45 minutes
+	$(BIN)/python -m experiments.bench --suites
 
 bench-design: $(BENCH)  ## the design search beside IPOPT, cell by cell; 15 minutes, goes on where it stopped
 	$(BIN)/python -m experiments.bench.design_against_ipopt

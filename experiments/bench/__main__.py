@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from experiments._support.processes import pin, processors
 from experiments.axes import linear_motor as motor
-from experiments.bench import accuracy, batches, compile_time, loop_against_c
+from experiments.bench import accuracy, batches, commands, compile_time, loop_against_c
 from experiments.bench.answers import Answer
 from jaxid.io.files import Cell, write_table
 from jaxid.io.text_tables import text_table
@@ -27,11 +27,13 @@ class Bench:
         out: folder for bench.csv.
         repetitions: number of interleaved repetitions of every action; targets apply to the
             minimum, and the median stands beside it.
+        suites: also time `make reproduce` and `make test`, each twice: an hour.
         toy: run a few benchmarks with two repetitions, only to show that everything works.
     """
 
     out: Path = Path("figures")
     repetitions: int = 100
+    suites: bool = False
     toy: bool = False
 
 
@@ -50,8 +52,16 @@ def asked(bench: Bench) -> list[Callable[[], list[Answer]]]:
     pin(available[0])
     configure()
     if bench.toy:
-        return [lambda: loop_against_c.ask(1, 2), lambda: batches.ask((1, 8), 2), accuracy.ask]
+        return [
+            lambda: commands.ask(("--help",), available),
+            lambda: loop_against_c.ask(1, 2),
+            lambda: batches.ask((1, 8), 2),
+            accuracy.ask,
+        ]
+    suites = [lambda: commands.ask(commands.SUITES, available)] if bench.suites else []
     return [
+        lambda: commands.ask(commands.COMMANDS, available),
+        *suites,
         lambda: loop_against_c.ask(1, count),
         lambda: loop_against_c.ask(3, count),
         lambda: loop_against_c.ask_folding(1, count // 10),

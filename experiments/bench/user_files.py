@@ -10,6 +10,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from experiments._support.processes import processors
 from jaxid.axis.defaults import ALL
 from jaxid.axis.design import evaluated
 from jaxid.axis.design_result import DesignResult
@@ -82,6 +83,16 @@ def simulate(folder: Path, run: int) -> Sequence[str]:
     design = evaluated(axis, ALL, "committed", read_trajectory(_MOTION), least)
     write(folder / "out", DesignResult(design))
     return "simulate", AXIS, "out", "--plants", "200", "--logs", "10", "--seed", str(run)
+
+
+def reproduction(folder: Path, run: int) -> Sequence[str]:
+    """Return the arguments of the program of `make reproduce`, with another seed each time."""
+    return "--out", str(folder), "--seed", str(run)
+
+
+def tests(folder: Path, run: int) -> Sequence[str]:
+    """Return the arguments of pytest for all tests."""
+    return "-q", "-n", str(len(processors())), "--dist", "worksteal"
 
 
 def _write_axis(folder: Path, *changes: tuple[str, str], spring: bool = False) -> Axis | None:
