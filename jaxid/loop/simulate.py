@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxid._folding import folded_scan
 from jaxid._types import Scalar, as_array
 from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import Disturbance, Moment
@@ -124,7 +124,7 @@ def simulate(
 
     start = reference.position[0]
     carry = _Carry(start, jnp.zeros_like(start), sensor.initial(start), controller.initial())
-    _, after = jax.lax.scan(tick, carry, (jnp.arange(ticks), reference))
+    _, after = folded_scan(tick, carry, reference, ticks)
     *regressors, delta, disturbance = after.means
     measure = jnp.full(ticks, period)
     record = Record(Rows(tuple(regressors), delta, measure), after.input, disturbance)
@@ -168,7 +168,9 @@ def _runge_kutta(
     rate, gain = jnp.zeros_like(v), jnp.zeros_like(v)
     for node in NODES:
         at = moment._replace(time=moment.time + node * step)
-        stage_y, stage_v = y + node * step * rate, v + node * step * gain
+        # the state itself in the first stage: XLA then computes its friction once for the
+        # controller and the plant
+        stage_y, stage_v = (y + node * step * rate, v + node * step * gain) if node else (y, v)
         rows = _rows(plant, at, stage_y, stage_v, u)
         rate, gain = stage_v, rows[0]
         speeds.append(rate)
