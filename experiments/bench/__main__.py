@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from experiments._support.processes import pin, processors
 from experiments.axes import linear_motor as motor
-from experiments.bench import accuracy, batches, compile_time, loop_against_c
+from experiments.bench import accuracy, batches, compile_time, loop_against_c, simulated_run
 from experiments.bench.answers import Answer
 from jaxid.io.files import Cell, write_table
 from jaxid.io.plots import text_table
@@ -54,7 +54,8 @@ def asked(bench: Bench) -> list[Callable[[], list[Answer]]]:
     return [
         lambda: loop_against_c.ask(1, count),
         lambda: loop_against_c.ask(3, count),
-        lambda: loop_against_c.ask_folding(1, count // 10),
+        lambda: loop_against_c.ask_options(1, count // 10),
+        lambda: simulated_run.ask(count),
         lambda: batches.ask((1, 8, 64, 512), count // 10),
         lambda: batches.ask_both(8, available, count // 5),
         accuracy.ask,

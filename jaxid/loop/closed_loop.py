@@ -1,22 +1,16 @@
 """The closed loop as a function of the motion and the plant."""
 
-import functools
-from typing import Any, NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float, Int, Shaped
+from jaxtyping import Array, Float
 
-from jaxid._checks import is_concrete, require_float64
 from jaxid._types import Motion, Scalar, as_array
-from jaxid.loop.controllers import Controller, delayed
-from jaxid.loop.disturbances import Disturbance
-from jaxid.loop.log import Log
+from jaxid.loop.controllers import Controller
+from jaxid.loop.experiment import Run, simulated
 from jaxid.loop.record import Record
 from jaxid.loop.scenarios import Scenarios
-from jaxid.loop.sensors import Encoder, Sensor
+from jaxid.loop.sensors import Sensor
 from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.model.interval_arithmetic import Range, exactly
@@ -108,13 +102,12 @@ def plant_violations(
         Array of shape (k, sides), its columns in the order of `axis_violations`.
     """
 
-    def worst(item: tuple[Array, Disturbance]) -> Float[Array, " sides"]:
-        columns = _columns(loop, Plant(scenarios.system, *item), trajectory)
+    def worst(plant: Plant) -> Float[Array, " sides"]:
+        columns = _columns(loop, plant, trajectory)
         sides = axis_violations(limits, Envelope(*map(exactly, columns)))
         return jnp.stack([jnp.max(side) for side in sides])
 
-    # in batches: the signals of all plants together would need too much memory
-    return jax.lax.map(worst, (scenarios.theta, scenarios.disturbance), batch_size=16)
+    return scenarios.map(worst)
 
 
 @eqx.filter_jit
@@ -138,20 +131,6 @@ def _columns(loop: ClosedLoop, plant: Plant, trajectory: JerkTrajectory) -> tupl
     rate = jnp.diff(signals.input, prepend=jnp.zeros(1)) / loop.period
     rate = loop.ticks_of(trajectory).held(rate)
     return signals.position[1:], signals.velocity[1:], signals.input, rate
-
-
-class Run(NamedTuple):
-    """The result of one simulated experiment.
-
-    Attributes:
-        record: exact rows of u = φᵀθ + Δ, one per sample period, with their inputs.
-        signals: true states of the axis, inputs and reference over time.
-        log: log of inputs and encoder positions that the servo records.
-    """
-
-    record: Record
-    signals: Signals
-    log: Log
 
 
 def run(
@@ -190,98 +169,7 @@ def run(
         >>> log.position.size
         601
     """
-    # NumPy, since a Python float would be part of the program, and compiled anew for every value
-    numbers = _Numbers(*map(np.asarray, (servo.period, servo.resolution, servo.jitter)))
-    made = _Experiment(plant, controller, sensor, trajectory, numbers)
-    leaves, structure = jax.tree.flatten(made)
-    if not all(map(_is_float64, leaves)):
-        require_float64(plant=plant, controller=controller, sensor=sensor, trajectory=trajectory)
-    options = _Options(
-        servo.ticks(trajectory), repeats, substeps, servo.delay, servo.resolution == 0
-    )
-    # not `filter_jit`, which takes as long as 600 samples
-    arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
-    others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-    found, lost = _run((structure, others, options), arrays)
-    if is_concrete(lost) and lost < found.log.input.size:
-        raise ValueError(
-            "The closed loop diverges: its input is not finite from "
-            f"{servo.period * int(lost):g} s on. Lower the gains of `controller`, or shorten the "
-            "sample period."
-        )
-    return found
-
-
-class _Numbers(NamedTuple):
-    """The numbers of a servo, as arrays."""
-
-    period: Shaped[Array | np.ndarray, ""]
-    resolution: Shaped[Array | np.ndarray, ""]
-    jitter: Shaped[Array | np.ndarray, ""]
-
-
-class _Experiment(NamedTuple):
-    """The arguments of `run` that JAX traces; without a sensor, it is the encoder of the servo."""
-
-    plant: Plant
-    controller: Controller
-    sensor: Sensor | None
-    trajectory: JerkTrajectory
-    servo: _Numbers
-
-
-class _Options(NamedTuple):
-    """The arguments of `run` that are part of the compiled program.
-
-    Attributes:
-        ticks: number of samples of the motion, run once.
-        repeats: number of times that the motion is run.
-        substeps: number of Runge-Kutta steps per sample period.
-        delay: number of sample periods from a command until it acts.
-        exact: true if the resolution of the servo is zero, so that its log has a derivative.
-    """
-
-    ticks: int
-    repeats: int
-    substeps: int
-    delay: int
-    exact: bool
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _run(
-    static: tuple[jax.tree_util.PyTreeDef, tuple[Any, ...], _Options], arrays: list[Array]
-) -> tuple[Run, Int[Array, ""]]:
-    """Return the result of an experiment, and the first sample whose input is not finite.
-
-    Together they are one program, since the start of each program takes as long as hundreds of
-    samples.
-
-    Args:
-        static: structure of an `_Experiment`, its leaves that are no arrays, and the options.
-        arrays: its other leaves.
-    """
-    structure, others, options = static
-    remaining = iter(arrays)
-    leaves = [next(remaining) if other is None else other for other in others]
-    made: _Experiment = jax.tree.unflatten(structure, leaves)
-    period, resolution, jitter = made.servo
-    encoder = Encoder(resolution)
-    sensor = encoder if made.sensor is None else made.sensor
-    controller = delayed(made.controller, options.delay)
-    desired = reference(made.trajectory, period, options.ticks, options.repeats)
-    record, signals = simulate(made.plant, controller, sensor, desired, period, options.substeps)
-    position = signals.position[:: options.substeps]
-    read = position if options.exact else encoder.quantise(position)
-    log = Log(signals.input, read, period, resolution, jitter)
-    count = signals.input.size
-    wrong = jnp.where(jnp.isfinite(signals.input), count, jnp.arange(count))
-    return Run(record, signals, log), jnp.min(wrong)
-
-
-def _is_float64(leaf: Any) -> bool:
-    """Return whether a leaf is surely no number of less than double precision."""
-    return getattr(leaf, "dtype", None) == np.float64
+    return simulated(plant, controller, servo, trajectory, sensor, repeats, substeps)
 
 
 def closed_loop(
