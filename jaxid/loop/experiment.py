@@ -3,7 +3,6 @@
 import functools
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +16,8 @@ from jaxid.loop.sensors import Encoder, Sensor
 from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant, Signals, simulate
 from jaxid.motion.trajectory import JerkTrajectory, reference
+
+_ARRAYS = (jax.Array, np.ndarray, np.generic)
 
 
 class Run(NamedTuple):
@@ -125,8 +126,8 @@ def simulated(
         servo.ticks(trajectory), repeats, substeps, servo.delay, servo.resolution == 0
     )
     # not `filter_jit`, which takes as long as 600 samples
-    arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
-    others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
+    arrays = [leaf for leaf in leaves if isinstance(leaf, _ARRAYS)]
+    others = tuple(None if isinstance(leaf, _ARRAYS) else leaf for leaf in leaves)
     found, lost = _run((structure, others, options), arrays)
     if is_concrete(lost) and lost < found.log.input.size:
         raise ValueError(
