@@ -30,15 +30,15 @@ _INLINED = {"xla_cpu_small_call": "false", "inlineable": "true"}
 _ELEMENTWISE = (
     "abs acos acosh add add_any and asin asinh atan atan2 atanh cbrt ceil clamp "
     "convert_element_type copy cos cosh div eq erf erf_inv erfc exp exp2 expm1 floor ge gt "
-    "integer_pow is_finite le lgamma log log1p logistic lt max min mul ne neg nextafter not or pow "
-    "rem round rsqrt select_n sign sin sinh sqrt square sub tan tanh xor"
+    "integer_pow is_finite le lgamma log log1p logistic lt lt_to max min mul ne neg nextafter not "
+    "or pow rem round rsqrt select_n sign sin sinh sqrt square sub tan tanh xor"
 )
 _ARRAYS = (
-    "broadcast_in_dim concatenate expand_dims iota pad reduce_and reduce_max reduce_min reduce_or "
-    "reduce_sum reshape rev slice split squeeze stack transpose unstack"
+    "broadcast_in_dim concatenate cumsum expand_dims iota pad reduce_and reduce_max reduce_min "
+    "reduce_or reduce_sum reshape rev slice split squeeze stack transpose unstack"
 )
 _CALLS = frozenset(("closed_call", "cond", "custom_jvp_call", "jit", "pjit"))
-_LOOPS = frozenset(("scan",))
+_LOOPS = frozenset(("scan", "while"))
 _INDEXED = frozenset(("dynamic_slice", "gather"))
 _TRIED = frozenset((*_ELEMENTWISE.split(), *_ARRAYS.split())) | _CALLS | _LOOPS | _INDEXED
 
@@ -61,13 +61,25 @@ def folded_scan(step: Step, first: Any, inputs: Any, length: int) -> tuple[Any, 
         with set_xla_metadata(**_INLINED):  # otherwise calls in the loop would be kernels, too
             return jax.lax.scan(step, first, (jnp.arange(length), inputs))
 
+    return one_kernel(loop, first, inputs)
+
+
+def one_kernel(function: Callable[..., _Result], *arguments: Any, final: bool = False) -> _Result:
+    """Return the result of a function, which is computed in one kernel where that is possible.
+
+    Args:
+        function: function of structures of arrays.
+        arguments: its arguments.
+        final: true if the program is neither differentiated nor batched any more, so that it may
+            look up values at any index.
+    """
     if jax.default_backend() != "cpu":
-        return loop(first, inputs)
-    kernel = jax.jit(loop)
+        return function(*arguments)
+    kernel = jax.jit(function)
     with set_xla_metadata(**_ONE_KERNEL):
-        if _foldable(kernel.trace(first, inputs).jaxpr.jaxpr):
-            return kernel(first, inputs)
-    return loop(first, inputs)
+        if _foldable(kernel.trace(*arguments).jaxpr.jaxpr, final=final):
+            return kernel(*arguments)
+    return function(*arguments)
 
 
 def compiled_apart(function: Callable[..., _Result]) -> Callable[..., _Result]:
@@ -87,7 +99,7 @@ def compiled_apart(function: Callable[..., _Result]) -> Callable[..., _Result]:
     return call
 
 
-def _foldable(jaxpr: Jaxpr, known: Iterable[Any] = ()) -> bool:
+def _foldable(jaxpr: Jaxpr, known: Iterable[Any] = (), final: bool = False) -> bool:
     """Return whether the compiler makes one kernel of a program, its gradients and its batches.
 
     Values are looked up in arrays at indices that are equal in all lanes of a batch only: otherwise
@@ -96,6 +108,7 @@ def _foldable(jaxpr: Jaxpr, known: Iterable[Any] = ()) -> bool:
     Args:
         jaxpr: program.
         known: its variables that do not depend on data, but at most on the index of a step.
+        final: true if it has no gradients and batches.
     """
     known = set(known)
 
@@ -106,11 +119,11 @@ def _foldable(jaxpr: Jaxpr, known: Iterable[Any] = ()) -> bool:
         name = equation.primitive.name
         if name not in _TRIED:
             return False
-        if name in _INDEXED and not all(map(is_known, equation.invars[1:])):
+        if name in _INDEXED and not final and not all(map(is_known, equation.invars[1:])):
             return False
         for inner in _inner(equation.params.values()):
             of_known = _known_inside(equation, inner, is_known)
-            if not _foldable(inner, of_known):
+            if not _foldable(inner, of_known, final):
                 return False
         if all(map(is_known, equation.invars)):
             known.update(equation.outvars)
@@ -122,7 +135,9 @@ def _known_inside(equation: Any, inner: Jaxpr, is_known: Callable[[Any], bool]) 
     # `cond` has the number of the branch before the arguments of the branches
     given = equation.invars[-len(inner.invars) :] if inner.invars else []
     states = range(0)
-    if equation.primitive.name in _LOOPS:  # a state may depend on data in later steps
+    if equation.primitive.name == "while":
+        return []
+    if equation.primitive.name == "scan":  # a state may depend on data in later steps
         begin = equation.params["num_consts"]
         states = range(begin, begin + equation.params["num_carry"])
     pairs = enumerate(zip(given, inner.invars, strict=True))

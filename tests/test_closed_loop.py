@@ -287,6 +287,8 @@ def test_a_run_is_the_loop_with_its_log(motion, repeats, substeps, delay):
             np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12, err_msg=name)
     np.testing.assert_allclose(found.record.rows.regressors, record.rows.regressors, atol=1e-9)
     np.testing.assert_array_equal(found.record.rows.measure, record.rows.measure)
+    for values in jax.tree.map(lambda x: x.reshape(repeats, -1), found.signals.reference):
+        np.testing.assert_array_equal(values, np.broadcast_to(values[:1], values.shape))
     log = servo.log(found.signals)
     assert eqx.tree_equal(found.log, log)
     rest = found.record.rows.regressors @ motor.plant().theta + found.record.disturbance

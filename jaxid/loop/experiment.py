@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from jaxid._checks import is_concrete, require_float64
+from jaxid._folding import one_kernel
 from jaxid.loop.controllers import Controller, delayed
 from jaxid.loop.log import Log
 from jaxid.loop.record import Record
@@ -61,6 +62,7 @@ class _Options(NamedTuple):
         substeps: number of Runge-Kutta steps per sample period.
         delay: number of sample periods from a command until it acts.
         exact: true if the resolution of the servo is zero, so that its log has a derivative.
+        final: true if all arguments are known, so that nothing is differentiated later.
     """
 
     ticks: int
@@ -68,6 +70,7 @@ class _Options(NamedTuple):
     substeps: int
     delay: int
     exact: bool
+    final: bool
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -76,8 +79,8 @@ def _run(
 ) -> tuple[Run, Int[Array, ""]]:
     """Return the result of an experiment, and the first sample whose input is not finite.
 
-    Together they are one program, since the start of each program takes as long as hundreds of
-    samples.
+    Together they are one program, and one kernel where possible, since the start of each program
+    takes as long as hundreds of samples.
 
     Args:
         static: structure of an `_Experiment`, its leaves that are no arrays, and the options.
@@ -87,6 +90,11 @@ def _run(
     remaining = iter(arrays)
     leaves = [next(remaining) if other is None else other for other in others]
     made: _Experiment = jax.tree.unflatten(structure, leaves)
+    return one_kernel(lambda made: _found(made, options), made, final=options.final)
+
+
+def _found(made: _Experiment, options: _Options) -> tuple[Run, Int[Array, ""]]:
+    """Return the result of an experiment, and the first sample whose input is not finite."""
     period, resolution, jitter = made.servo
     encoder = Encoder(resolution)
     sensor = encoder if made.sensor is None else made.sensor
@@ -123,7 +131,12 @@ def simulated(
     if not all(map(_is_float64, leaves)):
         require_float64(plant=plant, controller=controller, sensor=sensor, trajectory=trajectory)
     options = _Options(
-        servo.ticks(trajectory), repeats, substeps, servo.delay, servo.resolution == 0
+        servo.ticks(trajectory),
+        repeats,
+        substeps,
+        servo.delay,
+        exact=servo.resolution == 0,
+        final=is_concrete(leaves),
     )
     # not `filter_jit`, which takes as long as 600 samples
     arrays = [leaf for leaf in leaves if isinstance(leaf, _ARRAYS)]
