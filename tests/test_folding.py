@@ -1,4 +1,4 @@
-"""Loops in one kernel: which loops, and with which results."""
+"""Programs in one kernel: which programs, and with which results."""
 
 import functools
 
@@ -9,21 +9,26 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid import _folding
-from jaxid._folding import compiled_apart, folded_scan
+from jaxid._folding import compiled_apart, is_traced, one_kernel
+from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import random_shares
+from jaxid.loop.experiment import _run
 from jaxid.loop.sensors import IdealSensor
-from jaxid.loop.simulate import Plant, simulate
-from jaxid.motion.trajectory import reference
+from jaxid.loop.servo import Servo
+from jaxid.loop.simulate import Plant
 
 LENGTH = 40
 TABLE = jnp.linspace(0.0, 1.0, LENGTH)
+ATTRIBUTE = 'xla_cpu_small_call = "true"'
 
 FOLDED = {
     "arithmetic": lambda x, k, table: jnp.tanh(0.9 * x) + jnp.where(x > 0.5, 0.1, table[0]),
     "table": lambda x, k, table: 0.9 * x + table[k],
+    "table at data": lambda x, k, table: 0.5 * x + jnp.interp(x, TABLE, table),
     "branches": lambda x, k, table: jax.lax.cond(x > 1, lambda x: x / 2, lambda x: x + 0.3, x),
     "small arrays": lambda x, k, table: jnp.sum(jnp.stack([x, 2 * x]) * table[:2]) + 0.1,
+    "sum": lambda x, k, table: 0.5 * x + jnp.cumsum(table)[k],
     "inner loop": lambda x, k, table: jax.lax.scan(lambda y, t: (0.5 * y + t, None), x, table)[0],
 }
 UNFOLDED = {
@@ -31,75 +36,64 @@ UNFOLDED = {
     "library": lambda x, k, table: jnp.linalg.solve(jnp.eye(2) + x**2, table[:2])[1],
     "product": lambda x, k, table: jnp.sum(jnp.outer(table, table) @ (x * table)) / LENGTH**2,
     "transform": lambda x, k, table: jnp.abs(jnp.fft.fft(x + table))[1] / LENGTH,
-    # the gradient of a batch would have an operation that cannot be in one kernel
-    "table at data": lambda x, k, table: 0.5 * x + jnp.interp(x, TABLE, table),
     "host": lambda x, k, table: jax.pure_callback(
         lambda x: np.asarray(x) / 2, jax.ShapeDtypeStruct((), float), x, vmap_method="sequential"
     ),
 }
 
 
-def loop(body, scan, first, table):
-    def step(x, now):
-        x = body(x, now[0], table)
+def loop(body, first, table):
+    def step(x, k):
+        x = body(x, k, table)
         return x, x
 
-    return scan(step, first)[1]
-
-
-def folded(step, first):
-    return folded_scan(step, first, None, LENGTH)
-
-
-def usual(step, first):
-    return jax.lax.scan(step, first, (jnp.arange(LENGTH), None))
+    return jax.lax.scan(step, first, jnp.arange(LENGTH))[1]
 
 
 @pytest.mark.parametrize("name", [*FOLDED, *UNFOLDED])
-def test_every_loop_has_the_results_of_scan(name, quick_compilation):
-    body, lanes = (FOLDED | UNFOLDED)[name], jnp.array([0.3, 0.6, 0.9])
-    found, expected = (functools.partial(loop, body, scan) for scan in (folded, usual))
-    close = functools.partial(np.testing.assert_allclose, rtol=1e-12, atol=1e-14)
-    tables = jnp.stack([TABLE, TABLE / 2, TABLE / 3])
-    both = [jax.jit(f)(0.4, TABLE) for f in (found, expected)]
-    close(*both)
-    close(*(jax.jit(jax.vmap(f))(lanes, tables) for f in (found, expected)))
-    if name != "host":
-        slopes = (jax.grad(lambda *a, f=f: jnp.sum(f(*a)), (0, 1)) for f in (found, expected))
-        for a, b in zip(
-            *(jax.jit(jax.vmap(slope))(lanes, tables) for slope in slopes), strict=True
-        ):
-            close(a, b)
+def test_only_tried_operations_become_one_kernel_and_all_keep_their_results(name):
+    usual = functools.partial(loop, (FOLDED | UNFOLDED)[name])
+    lowered = jax.jit(functools.partial(one_kernel, usual)).lower(jnp.asarray(0.4), TABLE)
+    assert (ATTRIBUTE in lowered.as_text()) == (name in FOLDED)
+    found, expected = lowered.compile()(jnp.asarray(0.4), TABLE), jax.jit(usual)(0.4, TABLE)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", [*FOLDED, *UNFOLDED])
-def test_the_compiler_is_asked_for_one_kernel_only_where_it_can_make_one(name):
-    text = jax.jit(functools.partial(loop, (FOLDED | UNFOLDED)[name], folded)).lower(0.4, TABLE)
-    assert ('xla_cpu_small_call = "true"' in text.as_text()) == (name in FOLDED)
+def experiment(motion):
+    """Return the arguments of a run with random disturbance, without sensor and servo."""
+    system = motor.system()
+    plant = Plant(system, system.centre, random_shares(jax.random.key(0), 3000))
+    return plant, PDFeedforward(system, system.centre, kp=2000.0, kd=20.0), motion
 
 
-def test_a_closed_loop_has_the_same_results_without_folding(motion, monkeypatch):
-    system, period = motor.system(), motor.CONTROL_PERIOD
-    desired = jax.tree.map(lambda x: x[:300], reference(motion, period, 3000))
-    shares = random_shares(jax.random.key(0), 300)
-    plant = Plant(system, system.centre, shares)
-    controller = PDFeedforward(system, system.centre, kp=2000.0, kd=20.0)
-
-    def run(theta):
-        given = Plant(system, theta, plant.disturbance)
-        return simulate.__wrapped__(given, controller, IdealSensor(), desired, period)[0]
-
-    one = jax.jit(lambda theta: run(theta)).lower(system.centre)
-    monkeypatch.setattr(_folding, "_foldable", lambda *_, **__: False)
-    other = jax.jit(lambda theta: run(theta)).lower(system.centre)
-    texts = [lowered.as_text() for lowered in (one, other)]
-    assert ['xla_cpu_small_call = "true"' in text for text in texts] == [True, False]
-    records = [lowered.compile()(system.centre) for lowered in (one, other)]
-    for a, b in zip(*map(jax.tree.leaves, records), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-13)
-    record = records[0]
-    rest = record.rows.regressors @ system.centre + record.disturbance - record.input
+def test_a_run_has_the_same_results_without_folding(motion, monkeypatch):
+    plant, controller, motion = experiment(motion)
+    kinds = {"sensor": IdealSensor()}
+    folded = run(plant, controller, Servo(motor.CONTROL_PERIOD), motion, **kinds)
+    monkeypatch.setattr(_folding, "_foldable", lambda jaxpr: False)
+    _run.clear_cache()
+    other = run(plant, controller, Servo(motor.CONTROL_PERIOD), motion, **kinds)
+    _run.clear_cache()
+    for a, b in zip(*map(jax.tree.leaves, (folded, other)), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11)
+    record = folded.record
+    rest = record.rows.regressors @ plant.theta + record.disturbance - record.input
     assert np.max(np.abs(rest)) <= 1e-12 * np.max(np.abs(record.input))
+
+
+def test_a_run_within_another_program_is_no_kernel_of_its_own(motion):
+    plant, controller, motion = experiment(motion)
+    servo = Servo(motor.CONTROL_PERIOD)
+
+    def known() -> jax.Array:
+        return run(plant, controller, servo, motion).log.position
+
+    assert ATTRIBUTE not in jax.jit(known).lower().as_text()
+    states = []
+    jax.jit(lambda: (states.append(is_traced()), 0.0)[1])()
+    jax.grad(lambda x: (states.append(is_traced()), x)[1])(1.0)
+    assert states == [True, True]
+    assert not is_traced()
 
 
 def test_a_function_that_is_compiled_apart_has_its_own_bits():

@@ -54,7 +54,7 @@ def asked(bench: Bench) -> list[Callable[[], list[Answer]]]:
     return [
         lambda: loop_against_c.ask(1, count),
         lambda: loop_against_c.ask(3, count),
-        lambda: loop_against_c.ask_options(1, count // 10),
+        lambda: loop_against_c.ask_folding(1, count // 10),
         lambda: simulated_run.ask(count),
         lambda: batches.ask((1, 8, 64, 512), count // 10),
         lambda: batches.ask_both(8, available, count // 5),

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from jaxid._checks import is_concrete, require_float64
-from jaxid._folding import one_kernel
+from jaxid._folding import is_traced, one_kernel
 from jaxid.loop.controllers import Controller, delayed
 from jaxid.loop.log import Log
 from jaxid.loop.record import Record
@@ -62,7 +62,7 @@ class _Options(NamedTuple):
         substeps: number of Runge-Kutta steps per sample period.
         delay: number of sample periods from a command until it acts.
         exact: true if the resolution of the servo is zero, so that its log has a derivative.
-        final: true if all arguments are known, so that nothing is differentiated later.
+        final: true if JAX does not trace the call, and so will not transform the program.
     """
 
     ticks: int
@@ -90,7 +90,8 @@ def _run(
     remaining = iter(arrays)
     leaves = [next(remaining) if other is None else other for other in others]
     made: _Experiment = jax.tree.unflatten(structure, leaves)
-    return one_kernel(lambda made: _found(made, options), made, final=options.final)
+    found = functools.partial(_found, options=options)
+    return one_kernel(found, made) if options.final else found(made)
 
 
 def _found(made: _Experiment, options: _Options) -> tuple[Run, Int[Array, ""]]:
@@ -136,7 +137,7 @@ def simulated(
         substeps,
         servo.delay,
         exact=servo.resolution == 0,
-        final=is_concrete(leaves),
+        final=not is_traced(),
     )
     # not `filter_jit`, which takes as long as 600 samples
     arrays = [leaf for leaf in leaves if isinstance(leaf, _ARRAYS)]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxid._folding import folded_scan
 from jaxid._types import Scalar, as_array
 from jaxid.loop.controllers import Controller
 from jaxid.loop.disturbances import Disturbance, Moment
@@ -124,7 +124,7 @@ def simulate(
 
     start = reference.position[0]
     carry = _Carry(start, jnp.zeros_like(start), sensor.initial(start), controller.initial())
-    _, after = folded_scan(tick, carry, reference, ticks)
+    _, after = jax.lax.scan(tick, carry, (jnp.arange(ticks), reference))
     *regressors, delta, disturbance = after.means
     measure = jnp.full(ticks, period)
     record = Record(Rows(tuple(regressors), delta, measure), after.input, disturbance)

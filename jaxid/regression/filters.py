@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from jaxid._folding import folded_scan
 from jaxid._types import Scalar
 from jaxid.loop.record import Record, Rows
 
@@ -33,13 +32,11 @@ def low_pass(
     """
     keep = jnp.exp(-bandwidth * period)
 
-    def step(filtered: Any, now: tuple[Any, Any]) -> tuple[Any, Any]:
-        filtered = jax.tree.map(lambda f, c: keep * f + (1 - keep) * c, filtered, now[1])
+    def step(filtered: Any, column: Any) -> tuple[Any, Any]:
+        filtered = jax.tree.map(lambda f, c: keep * f + (1 - keep) * c, filtered, column)
         return filtered, filtered
 
-    rest = jax.tree.map(lambda c: jnp.zeros_like(c[0]), columns)
-    length = jax.tree.leaves(columns)[0].shape[0]
-    return folded_scan(step, rest, columns, length)[1]
+    return jax.lax.scan(step, jax.tree.map(lambda c: jnp.zeros_like(c[0]), columns), columns)[1]
 
 
 def adjoint(
