@@ -14,7 +14,8 @@ import jaxlib.version
 from jaxid._checks import require
 
 # This option folds a small `lax.scan` into one kernel: a closed loop runs several times faster. An
-# option that XLA does not know aborts the process, so it is set only where it was tried.
+# option that XLA does not know aborts the process, so it is set only where it was tried. For
+# `jaxid.run` no option is needed, see `jaxid._folding`.
 _FOLD = "xla_cpu_small_while_loop_byte_threshold"
 _TRIED = ("0.10.2",)
 

@@ -8,10 +8,13 @@ import pytest
 
 from experiments.axes import linear_motor as motor
 from jaxid.design.criteria import FilteredError, PerfectTracking, ThroughLoop
-from jaxid.loop.closed_loop import ClosedLoop, SampledPlants
+from jaxid.loop.closed_loop import ClosedLoop, SampledPlants, closed_loop, run
+from jaxid.loop.controllers import PDFeedforward
 from jaxid.loop.disturbances import AgainstTracking, NoDisturbance
+from jaxid.loop.experiment import _run
 from jaxid.loop.scenarios import Scenarios, every, random_parameters, vertices
 from jaxid.loop.sensors import IdealSensor
+from jaxid.loop.servo import Servo
 from jaxid.loop.simulate import Plant
 from jaxid.motion.feasibility import interior
 from jaxid.motion.motion_space import motion_space
@@ -268,3 +271,40 @@ def test_random_parameters_do_not_depend_on_their_number(key):
     np.testing.assert_array_equal(few, many[:3])
     box = np.asarray(motor.system().lower), np.asarray(motor.system().upper)
     assert np.all((box[0] <= np.asarray(many)) & (np.asarray(many) <= box[1]))
+
+
+@pytest.mark.parametrize(("repeats", "substeps", "delay"), [(1, 1, 0), (2, 2, 1)])
+def test_a_run_is_the_loop_with_its_log(motion, repeats, substeps, delay):
+    """`run` is one program, the loop and the log are several."""
+    servo = Servo(H, resolution=1e-6, delay=delay)
+    controller = PDFeedforward(motor.system(), motor.system().centre, kp=2000.0, kd=20.0)
+    kinds = {"sensor": IdealSensor(), "repeats": repeats, "substeps": substeps}
+    found = run(motor.plant(), controller, servo, motion, **kinds)
+    record, signals = closed_loop(controller, servo, motion, **kinds)(motor.plant(), motion)
+    for name, values in signals._asdict().items():
+        pair = getattr(found.signals, name), values
+        for a, b in zip(*map(jax.tree.leaves, pair), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12, err_msg=name)
+    np.testing.assert_allclose(found.record.rows.regressors, record.rows.regressors, atol=1e-9)
+    np.testing.assert_array_equal(found.record.rows.measure, record.rows.measure)
+    for values in jax.tree.map(lambda x: x.reshape(repeats, -1), found.signals.reference):
+        np.testing.assert_array_equal(values, np.broadcast_to(values[:1], values.shape))
+    log = servo.log(found.signals)
+    assert eqx.tree_equal(found.log, log)
+    rest = found.record.rows.regressors @ motor.plant().theta + found.record.disturbance
+    np.testing.assert_allclose(rest, found.record.input, atol=1e-12 * np.abs(rest).max())
+
+
+def test_a_run_of_another_period_or_resolution_needs_no_compilation(motion):
+    controller = PDFeedforward(motor.system(), motor.system().centre, kp=2000.0, kd=20.0)
+    run(motor.plant(), controller, Servo(H, resolution=1e-6), motion)
+    before = _run._cache_size()
+    run(motor.plant(), controller, Servo(H, resolution=2e-6, jitter=H / 100), motion)
+    assert _run._cache_size() == before
+
+
+def test_a_run_in_single_precision_is_refused(motion):
+    half = eqx.tree_at(lambda m: m.jerk, motion, motion.jerk.astype(jnp.float32))
+    controller = PDFeedforward(motor.system(), motor.system().centre, kp=2000.0, kd=20.0)
+    with pytest.raises(ValueError, match="Argument `trajectory` must be float64"):
+        run(motor.plant(), controller, Servo(H), half)

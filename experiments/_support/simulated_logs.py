@@ -18,6 +18,7 @@ from experiments.paper.designs import (
     Cell,
     trajectory_path,
 )
+from jaxid._batches import map_in_batches
 from jaxid.design.nominal_log import nominal_log
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.identification.modulating_functions import modulating
@@ -130,4 +131,4 @@ def _logs(motions: Motions, scenarios: Scenario, count: int) -> Log:
         _, signals = loop(plant, motion)
         return jax.tree.map(jnp.asarray, servo.log(signals))
 
-    return jax.vmap(one)(scenarios)
+    return map_in_batches(one, scenarios)

@@ -10,7 +10,14 @@ from tqdm import tqdm
 
 from experiments._support.processes import pin, processors
 from experiments.axes import linear_motor as motor
-from experiments.bench import accuracy, batches, commands, compile_time, loop_against_c
+from experiments.bench import (
+    accuracy,
+    batches,
+    commands,
+    compile_time,
+    loop_against_c,
+    simulated_run,
+)
 from experiments.bench.answers import Answer
 from jaxid.io.files import Cell, write_table
 from jaxid.io.text_tables import text_table
@@ -65,6 +72,7 @@ def asked(bench: Bench) -> list[Callable[[], list[Answer]]]:
         lambda: loop_against_c.ask(1, count),
         lambda: loop_against_c.ask(3, count),
         lambda: loop_against_c.ask_folding(1, count // 10),
+        lambda: simulated_run.ask(count),
         lambda: batches.ask((1, 8, 64, 512), count // 10),
         lambda: batches.ask_both(8, available, count // 5),
         accuracy.ask,

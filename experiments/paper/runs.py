@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 from experiments._support.measured_records import differenced_record, printed_record
 from experiments._support.pulses import pulses
 from experiments.axes import linear_motor as motor
+from jaxid._batches import map_in_batches
 from jaxid.loop.closed_loop import run
 from jaxid.loop.controllers import OpenLoop
 from jaxid.loop.disturbances import Sequence
@@ -165,7 +166,7 @@ def _misses(
         outside = [~(jnp.abs(e.theta - theta) <= e.bound * (1 + 1e-9)) for e in estimates]
         return jnp.stack(outside)
 
-    exact, printed, seen = jnp.sum(jax.lax.map(one, keys, batch_size=20), axis=0)
+    exact, printed, seen = jnp.sum(map_in_batches(one, keys), axis=0)
     return exact, printed, seen
 
 

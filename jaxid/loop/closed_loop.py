@@ -1,18 +1,13 @@
 """The closed loop as a function of the motion and the plant."""
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid._checks import is_concrete, require, require_float64
 from jaxid._types import Motion, Scalar, as_array
 from jaxid.loop.controllers import Controller
-from jaxid.loop.disturbances import Disturbance
-from jaxid.loop.log import Log
+from jaxid.loop.experiment import Run, simulated
 from jaxid.loop.record import Record
 from jaxid.loop.scenarios import Scenarios
 from jaxid.loop.sensors import Sensor
@@ -107,13 +102,12 @@ def plant_violations(
         Array of shape (k, sides), its columns in the order of `axis_violations`.
     """
 
-    def worst(item: tuple[Array, Disturbance]) -> Float[Array, " sides"]:
-        columns = _columns(loop, Plant(scenarios.system, *item), trajectory)
+    def worst(plant: Plant) -> Float[Array, " sides"]:
+        columns = _columns(loop, plant, trajectory)
         sides = axis_violations(limits, Envelope(*map(exactly, columns)))
         return jnp.stack([jnp.max(side) for side in sides])
 
-    # in batches: the signals of all plants together would need too much memory
-    return jax.lax.map(worst, (scenarios.theta, scenarios.disturbance), batch_size=16)
+    return scenarios.map(worst)
 
 
 @eqx.filter_jit
@@ -137,20 +131,6 @@ def _columns(loop: ClosedLoop, plant: Plant, trajectory: JerkTrajectory) -> tupl
     rate = jnp.diff(signals.input, prepend=jnp.zeros(1)) / loop.period
     rate = loop.ticks_of(trajectory).held(rate)
     return signals.position[1:], signals.velocity[1:], signals.input, rate
-
-
-class Run(NamedTuple):
-    """The result of one simulated experiment.
-
-    Attributes:
-        record: exact rows of u = φᵀθ + Δ, one per sample period, with their inputs.
-        signals: true states of the axis, inputs and reference over time.
-        log: log of inputs and encoder positions that the servo records.
-    """
-
-    record: Record
-    signals: Signals
-    log: Log
 
 
 def run(
@@ -189,20 +169,7 @@ def run(
         >>> log.position.size
         601
     """
-    require_float64(plant=plant, controller=controller, servo=servo, trajectory=trajectory)
-    loop = closed_loop(
-        controller, servo, trajectory, sensor=sensor, repeats=repeats, substeps=substeps
-    )
-    record, signals = loop(plant, trajectory)
-    if is_concrete(signals):
-        lost = np.flatnonzero(~np.isfinite(np.asarray(signals.input)))
-        since = servo.period * lost.min(initial=signals.input.size)
-        require(
-            lost.size == 0,
-            f"The closed loop diverges: its input is not finite from {since:g} s on. Lower the "
-            "gains of `controller`, or shorten the sample period.",
-        )
-    return Run(record, signals, servo.log(signals))
+    return simulated(plant, controller, servo, trajectory, sensor, repeats, substeps)
 
 
 def closed_loop(

@@ -291,6 +291,11 @@ class Delayed(Controller):
         return waiting[0], (inner, jnp.append(waiting[1:], u), jnp.ones((), bool))
 
 
+def delayed(controller: Controller, periods: int) -> Controller:
+    """Return a controller whose commands act `periods` sample periods later, 0 or more."""
+    return Delayed(controller, periods) if periods else controller
+
+
 def undelayed(controller: Controller) -> Controller:
     """Return the controller without its delay; one without delay is returned as it is."""
     return controller.controller if isinstance(controller, Delayed) else controller

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key, PRNGKeyArray
 
+from jaxid._batches import map_in_batches
 from jaxid.loop.disturbances import Disturbance, Mixture, random_shares
 from jaxid.loop.disturbances import Sequence as Forces
 from jaxid.loop.simulate import Plant
@@ -37,16 +38,15 @@ class Scenarios(eqx.Module):
         return Scenarios(self.system, *parts)
 
     def map(self, function: Callable[[Plant], Result]) -> Result:
-        """Return the results of a function for every plant, along a new first axis."""
+        """Return the results of a function for every plant, along a new first axis.
 
-        def one(theta: Float[Array, " m"], disturbance: Disturbance) -> Result:
-            return function(Plant(self.system, theta, disturbance))
+        Many plants are computed in batches, see `jaxid._batches`.
+        """
 
-        if self.theta.shape[0] > 1:
-            return jax.vmap(one)(self.theta, self.disturbance)
-        # a batch of one takes 25 % longer than no batch
-        only = one(*jax.tree.map(lambda x: x[0], (self.theta, self.disturbance)))
-        return jax.tree.map(lambda x: x[None], only)
+        def one(item: tuple[Float[Array, " m"], Disturbance]) -> Result:
+            return function(Plant(self.system, *item))
+
+        return map_in_batches(one, (self.theta, self.disturbance))
 
 
 def every(

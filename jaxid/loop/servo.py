@@ -10,7 +10,7 @@ from jaxid._checks import (
     require_positive,
 )
 from jaxid._types import as_known
-from jaxid.loop.controllers import Controller, Delayed
+from jaxid.loop.controllers import Controller, delayed
 from jaxid.loop.log import JITTER, Log
 from jaxid.loop.sensors import Encoder
 from jaxid.loop.simulate import Signals
@@ -62,7 +62,7 @@ class Servo(eqx.Module):
 
     def delayed(self, controller: Controller) -> Controller:
         """Return the controller with the delay of this servo."""
-        return Delayed(controller, self.delay) if self.delay else controller
+        return delayed(controller, self.delay)
 
     def ticks(self, trajectory: JerkTrajectory) -> int:
         """Return the number of sample periods that a motion lasts.

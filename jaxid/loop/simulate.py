@@ -168,7 +168,9 @@ def _runge_kutta(
     rate, gain = jnp.zeros_like(v), jnp.zeros_like(v)
     for node in NODES:
         at = moment._replace(time=moment.time + node * step)
-        stage_y, stage_v = y + node * step * rate, v + node * step * gain
+        # the state itself in the first stage: XLA then computes its friction once for the
+        # controller and the plant
+        stage_y, stage_v = (y + node * step * rate, v + node * step * gain) if node else (y, v)
         rows = _rows(plant, at, stage_y, stage_v, u)
         rate, gain = stage_v, rows[0]
         speeds.append(rate)

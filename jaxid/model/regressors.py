@@ -18,6 +18,7 @@ from jaxid._checks import (
     require_shape,
 )
 from jaxid._types import Interval, Motion, Scalar, as_array, or_none
+from jaxid.model.arctangent import arctan
 from jaxid.model.interval_arithmetic import Range, around, exactly, where
 from jaxid.model.smoothing import Nonsmooth
 
@@ -208,7 +209,7 @@ class Coulomb(Regressor, Nonsmooth):
         require_at_least_zero("blend", "a Coulomb regressor", self.blend)
 
     def __call__(self, position: Motion, velocity: Motion) -> Motion:
-        sign = (2 / jnp.pi) * jnp.arctan(self.beta * velocity)
+        sign = (2 / jnp.pi) * arctan(self.beta * velocity)
         square, width = velocity**2, self.blend**2
         # a smaller β would smooth the sign too, but its tails reach far beyond that speed
         return sign * jnp.where(width > 0, square / jnp.where(width > 0, square + width, 1.0), 1.0)

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxid._checks import require, require_at_least_zero, require_concrete, require_shape
+from jaxid._checks import is_concrete, require_at_least_zero, require_concrete, require_shape
+from jaxid._folding import compiled_apart
 from jaxid._types import Motion, Numbers, Scalar, as_array, as_known
 from jaxid.motion.ticks import Ticks
 
@@ -172,20 +173,22 @@ def ticks(trajectory: JerkTrajectory, period: float) -> int:
     Raises:
         ValueError: if the motion does not last a whole number of sample periods.
     """
-    require_concrete(
-        "the number of sample periods",
-        "Trace the jerk alone, or a `jaxid.loop.closed_loop.closed_loop` made before.",
-        durations=trajectory.durations,
-        period=period,
-    )
+    durations = trajectory.durations
+    if not is_concrete((durations, period)):
+        require_concrete(
+            "the number of sample periods",
+            "Trace the jerk alone, or a `jaxid.loop.closed_loop.closed_loop` made before.",
+            durations=durations,
+            period=period,
+        )
     # not in jax, where even known numbers are traced under `jit`
-    duration = float(np.sum(np.asarray(trajectory.durations)))
+    duration = float(np.asarray(durations).sum())
     exact = duration / period
-    require(
-        abs(exact - round(exact)) < 1e-6,
-        f"Argument `period` = {period:g} s must divide the duration of the motion, {duration:g} s, "
-        f"which is {exact:.6g} periods.",
-    )
+    if abs(exact - round(exact)) >= 1e-6:
+        raise ValueError(
+            f"Argument `period` = {period:g} s must divide the duration of the motion, "
+            f"{duration:g} s, which is {exact:.6g} periods."
+        )
     return round(exact)
 
 
@@ -203,19 +206,15 @@ def reference(
             repeats still follow one another without a pause, and the last state is held at the end.
         repeats: number of times that the motion is run.
     """
-    # two compiled functions: in one, the repeats would differ in their last bits
-    once = _states_at_ticks(trajectory, jnp.asarray(period), ticks)
-    return _repeated(once, ticks_of(trajectory, period, ticks, repeats))
+    return _reference(trajectory, jnp.asarray(period), ticks, repeats)
 
 
 @eqx.filter_jit
-def _states_at_ticks(trajectory: JerkTrajectory, period: Scalar, ticks: int) -> States:
-    return trajectory.states(jnp.arange(ticks) * period)
-
-
-@eqx.filter_jit
-def _repeated(once: States, ticks: Ticks) -> States:
-    return States(*map(ticks.repeated, once))
+def _reference(trajectory: JerkTrajectory, period: Scalar, ticks: int, repeats: int) -> States:
+    times = jnp.arange(ticks) * period
+    # compiled apart: otherwise the repeats would be computed one by one, with other last bits
+    once = compiled_apart(JerkTrajectory.states)(trajectory, times)
+    return States(*map(ticks_of(trajectory, period, ticks, repeats).repeated, once))
 
 
 def ticks_of(
