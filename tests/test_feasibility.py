@@ -58,7 +58,7 @@ def test_no_length_up_to_the_longest_that_is_tried_is_said_so():
     assert shortest_feasible(motor.limits(), motor.boundary(), T, multiple=2, most=42) is None
     refusal = InfeasibleError(40, T, 0.13, None)
     assert refusal.shortest is None
-    assert str(refusal).endswith("No motion of up to 20 s (2000 intervals) does.")
+    assert str(refusal).endswith("None was found up to 20 s (2000 intervals).")
 
 
 @pytest.mark.parametrize(
