@@ -17,7 +17,13 @@ from jaxtyping import Array, Float
 from jaxid._checks import is_concrete, require, require_at_least_zero, require_float64
 from jaxid._types import Scalar, as_array
 from jaxid.design.criteria import Criterion, LeastSquaresError
-from jaxid.design.nominal_log import NominalLog, States, nominal_log, nominal_log_model
+from jaxid.design.nominal_log import (
+    NominalLog,
+    States,
+    modelled,
+    nominal_log,
+    nominal_log_model,
+)
 from jaxid.identification.intervals import guaranteed_intervals, narrowed
 from jaxid.identification.modulating_functions import optimal, pieces
 from jaxid.identification.regression_rows import RegressionRows, hats
@@ -105,7 +111,7 @@ class PredictedErrorNear(StagedObjective):
         The linear programs run between two compiled functions instead of inside one: a compiled
         function that calls back to Python cannot be kept in a compilation cache.
         """
-        log, states = _modelled(self.log_model, trajectory)
+        log, states = modelled(self.log_model, trajectory)
         bounds = state_bounds(self.narrow, log)
         weights, dual = _weights(self.knots, *_program(self, log, states, bounds, smoothing))
         found = jnp.asarray(weights), jnp.asarray(dual)
@@ -167,11 +173,6 @@ def _weights(knots: int, *data: Array) -> tuple[np.ndarray, np.ndarray]:
     """Return the optimal weights, and the multipliers of their linear programs."""
     phi, delta, measure, noise, box = map(np.asarray, data)
     return optimal(phi, delta, noise, box, np.eye(box.size), knots, pieces(measure))
-
-
-@eqx.filter_jit
-def _modelled(model: NominalLog, trajectory: JerkTrajectory) -> tuple[Log, States]:
-    return model(trajectory)
 
 
 @eqx.filter_jit
