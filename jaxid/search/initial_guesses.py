@@ -39,7 +39,7 @@ def random_starts(key: PRNGKeyArray, space: MotionSpace, count: int) -> Float[Ar
 def rearranged(
     key: PRNGKeyArray,
     space: MotionSpace,
-    parents: Sequence[Float[Array, " n"]],
+    parents: Sequence[Float[Array | np.ndarray, " n"]],
     period: float,
     acceleration: float,
     count: int,
@@ -72,7 +72,7 @@ def rearranged(
 def grown(
     key: PRNGKeyArray,
     space: MotionSpace,
-    parents: Sequence[Float[Array, " n"]],
+    parents: Sequence[Float[Array | np.ndarray, " n"]],
     intervals: int,
     count: int,
 ) -> Float[Array, "count d"]:
