@@ -176,7 +176,7 @@ def infinity(scale: Numbers) -> Norm:
         f"Argument `scale` of a norm must be positive, at least one of them finite, but is "
         f"{np.asarray(scale).tolist()}.",
     )
-    return Norm(jnp.diag(1 / jnp.asarray(scale))[counted])
+    return Norm(np.diag(1 / np.asarray(scale))[counted])
 
 
 def require_informative(rows: Rows, names: tuple[str, ...], scale: Float[Array, " m"]) -> None:
