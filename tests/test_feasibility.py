@@ -38,6 +38,16 @@ def test_horizon_20_is_proved_infeasible_and_22_is_the_shortest():
     assert shortest_feasible(motor.limits(), motor.boundary(), T, multiple=2) == 44
 
 
+def test_the_shortest_motion_of_many_short_intervals_is_feasible():
+    """It is found among motions with fewer, longer intervals, here of 8 ms."""
+    with pytest.raises(InfeasibleError, match=r"The shortest one found lasts 0\.448 s") as error:
+        interior(motor.limits(), motor.boundary(), 8, 1e-3)
+    assert error.value.shortest == 448
+    coarse = interior(motor.limits(), motor.boundary(), 56, 8e-3)
+    fine = uniform(coarse.start, jnp.repeat(coarse.jerk, 8), 1e-3)
+    assert float(worst_violation(motor.limits(), motor.boundary(), fine)) < 0
+
+
 def test_a_length_without_any_room_is_not_the_shortest():
     """With half of the limits of the motor, 44 intervals reach 0.35 m only with zero margin."""
     full = motor.limits()
@@ -58,7 +68,7 @@ def test_no_length_up_to_the_longest_that_is_tried_is_said_so():
     assert shortest_feasible(motor.limits(), motor.boundary(), T, multiple=2, most=42) is None
     refusal = InfeasibleError(40, T, 0.13, None)
     assert refusal.shortest is None
-    assert str(refusal).endswith("No motion of up to 20 s (2000 intervals) does.")
+    assert str(refusal).endswith("None was found up to 20 s (2000 intervals).")
 
 
 @pytest.mark.parametrize(

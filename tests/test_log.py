@@ -340,7 +340,7 @@ def test_what_a_guarantee_rests_on_is_said(quiet):
         "u = M·ÿ + B·ẏ + Fc·(2/π)·arctan(1000·ẏ) + dbar + Δ, without any other term.",
         "The input u is known exactly, scale and sign included, in V.",
         "M in [0.08, 0.18] V s²/m",
-        "2 times 0.25 V up to 0.1 m/s and 0.15 V above",
+        "0.5 V up to 0.1 m/s and 0.3 V above",
         "acts without delay and is held constant (zero-order hold) over each sample period of 0.2",
         "with an error of at most ±10 µm; its scale is exact.",
     ):

@@ -18,7 +18,7 @@ from jaxid.regression.worst_case import (
     information,
     least_squares,
     require_informative,
-    smooth_worst_case_error,
+    smooth_least_squares_error,
     worst_case_error,
 )
 
@@ -122,9 +122,8 @@ def in_starred_set(offset: np.ndarray, weights: np.ndarray, delta: np.ndarray) -
 @given(seeds, st.floats(1e-4, 0.1))
 def test_rounded_errors_are_never_below_the_exact_ones(seed, smoothing):
     rows = random_rows(seed)
-    weights = least_squares(rows)
-    exact = worst_case_error(weights, rows.delta)
-    rounded = smooth_worst_case_error(weights, rows, jnp.asarray(smoothing))
+    exact = worst_case_error(least_squares(rows), rows.delta)
+    rounded = smooth_least_squares_error(rows, jnp.asarray(smoothing))
     assert jnp.all(rounded >= exact * (1 - 1e-12))
     assert jnp.all(rounded <= exact * (1 + 20 * smoothing))
 
@@ -138,7 +137,7 @@ def test_the_rounded_error_has_no_kink_where_a_weight_crosses_zero():
     def error(middle):
         abscissa = jnp.linspace(-1.0, 1.0, 5).at[2].set(middle)
         rows = Rows((jnp.ones(5), abscissa), jnp.ones(5), jnp.ones(5))
-        return smooth_worst_case_error(least_squares(rows), rows, jnp.asarray(0.1))[1]
+        return smooth_least_squares_error(rows, jnp.asarray(0.1))[1]
 
     bends = [abs(error(h) - 2 * error(0.0) + error(-h)) for h in (1e-2, 1e-3)]
     assert bends[1] < 0.02 * bends[0]
@@ -150,7 +149,7 @@ def test_a_row_without_weight_leaves_no_nan_in_the_gradient():
 
     def error(scale):
         scaled = Rows(tuple(scale * c for c in silent.columns), silent.delta, silent.measure)
-        return jnp.sum(smooth_worst_case_error(least_squares(scaled), scaled, jnp.zeros(())))
+        return jnp.sum(smooth_least_squares_error(scaled, jnp.zeros(())))
 
     assert np.isfinite(jax.grad(error)(1.0))
 

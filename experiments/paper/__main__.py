@@ -21,7 +21,7 @@ from experiments.paper import (
 from experiments.paper.designs import HORIZON, ONE_MOTION, STUDIED, Cell, trajectory_path
 from jaxid.identification.assumptions import assumptions
 from jaxid.io.files import read_trajectory, write_table, write_trajectory
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.trajectory import JerkTrajectory, padded
 from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.runtime import configure
@@ -63,7 +63,9 @@ def main(study: Study) -> None:
         search(study)
     trajectories = saved_trajectories(study)
     errors = {
-        cell: np.asarray(planned_error(motor.system(), t)) for cell, t in trajectories.items()
+        # padded to one length, for a single compilation
+        cell: np.asarray(planned_error(motor.system(), padded(t, 2 * max(motor.HORIZONS))))
+        for cell, t in trajectories.items()
     }
     chosen = choose(study, trajectories, errors)
     loops = {cell: runs.closed_loop(t) for cell, t in tqdm(chosen.items(), "closed loop")}

@@ -15,7 +15,7 @@ from jaxid.identification.intervals import GuaranteedIntervals, guaranteed_inter
 from jaxid.identification.regression_rows import guaranteed_estimate
 from jaxid.loop.closed_loop import run
 from jaxid.loop.record import rows_of
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.trajectory import JerkTrajectory, padded
 from jaxid.regression.estimators import ESTIMATORS
 from jaxid.regression.lower_bound import LowerBound
 from jaxid.regression.worst_case import affine_worst_case_error
@@ -55,7 +55,8 @@ class Proof(NamedTuple):
 
 def worth(motion: JerkTrajectory, least: LowerBound) -> Worth:
     """Return the evaluation of a motion before the experiment."""
-    return Worth(evaluate(motor.system(), motion, motor.servo(), least), _errors(motion))
+    longest = padded(motion, 2 * max(motor.HORIZONS))  # one compilation for all horizons
+    return Worth(evaluate(motor.system(), motion, motor.servo(), least), _errors(longest))
 
 
 @eqx.filter_jit

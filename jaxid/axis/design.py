@@ -131,9 +131,8 @@ def evaluated(
     """
     worth = evaluate(axis.system, motion, axis.servo, least)
     systems = [axis.system.with_scaled_disturbance(factor) for factor in FACTORS]
-    found = [
-        guaranteed_intervals(x, [nominal_log(x, motion, axis.servo)]).estimate for x in systems
-    ]
+    log = nominal_log(axis.system, motion, axis.servo)  # without a disturbance, whatever δ is
+    found = [guaranteed_intervals(x, [log]).estimate for x in systems]
     sensitivity = np.stack([np.asarray(estimate.half_widths) for estimate in found])
     return AxisDesign(axis, target, search, motion, worth, sensitivity)
 

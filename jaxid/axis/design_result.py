@@ -6,12 +6,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 import msgspec
 import numpy as np
+from jaxtyping import Array, Float
 
 from jaxid._checks import require
 from jaxid._text import at_least
+from jaxid._types import dot
 from jaxid.axis.defaults import ALL
 from jaxid.axis.design import FACTORS, WANTED, AxisDesign, lead_in, played
 from jaxid.axis.file import PROGRAM, Axis
@@ -24,6 +27,7 @@ from jaxid.io import plots
 from jaxid.io.files import UNITS, json_bytes, trajectory_bytes
 from jaxid.io.setpoints import margins, sampled, setpoint_bytes, setpoints_in
 from jaxid.io.text_tables import text_table
+from jaxid.model.system import System
 from jaxid.motion.trajectory import JerkTrajectory
 
 _SETPOINTS = tuple(Path(name) for name in ("setpoints.csv", "setpoints.mat", "setpoints.h"))
@@ -202,12 +206,8 @@ def page(found: AxisDesign) -> bytes:
 
 def _draw_input(panel: plots.Axes, axis: Axis, whole: JerkTrajectory) -> None:
     """Draw the input at the centre of the prior box, and its range over the box and all |Δ| ≤ δ."""
-    system, time = axis.system, jnp.linspace(0.0, float(whole.duration), 2000)
-    states = whole.states(time)
-    phi = np.stack([np.broadcast_to(f, time.shape) for f in system.regressors(*states)])
-    delta = np.asarray(system.disturbance_bound(states.position, states.velocity))
-    nominal = np.asarray(system.centre) @ phi
-    reach = np.asarray(system.half_widths) @ np.abs(phi) + delta
+    system, time = axis.system, np.linspace(0.0, np.sum(np.asarray(whole.durations)), 2000)
+    nominal, reach = map(np.asarray, _needed(system, whole, jnp.asarray(time)))
     panel.fill_between(
         time, nominal - reach, nominal + reach, color=plots.SKY, alpha=0.4, linewidth=0,
         label="all of the prior box and δ",
@@ -216,6 +216,18 @@ def _draw_input(panel: plots.Axes, axis: Axis, whole: JerkTrajectory) -> None:
     plots.limit_lines(panel, np.asarray(axis.task.limits.input).tolist())
     panel.legend(fontsize=9)
     plots.label(panel, "time (s)", f"input ({system.input_unit})", "Input that the motion needs")
+
+
+@eqx.filter_jit
+def _needed(
+    system: System, whole: JerkTrajectory, times: Float[Array, " k"]
+) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """Return the input at the centre of the prior box, and half its range over box and δ."""
+    states = whole.states(times)
+    phi = system.regressors(*states)
+    delta = system.disturbance_bound(states.position, states.velocity)
+    reach = dot([jnp.abs(column) for column in phi], system.half_widths)
+    return dot(phi, system.centre), reach + delta
 
 
 def _draw_jerk(panel: plots.Axes, axis: Axis, whole: JerkTrajectory) -> None:

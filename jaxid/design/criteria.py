@@ -22,12 +22,7 @@ from jaxid.model.system import System, smoothed
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, ticks_of
 from jaxid.regression.filters import filtered
-from jaxid.regression.worst_case import (
-    Norm,
-    individual,
-    least_squares,
-    smooth_worst_case_error,
-)
+from jaxid.regression.worst_case import Norm, individual, smooth_least_squares_error
 from jaxid.search.problem import Objective
 
 RecordCriterion = Callable[[Record, Scalar], Scalar]
@@ -134,8 +129,7 @@ class PlannedError(eqx.Module):
         states, weights = trajectory.midpoints(self.nodes)
         step = jnp.abs(states.acceleration) * weights / 2
         rows = rows_of(smoothed(self.system, smoothing * self.speed + step), states, weights)
-        errors = smooth_worst_case_error(least_squares(rows, self.norm), rows, 2 * smoothing)
-        return jnp.log(jnp.max(errors))
+        return jnp.log(jnp.max(smooth_least_squares_error(rows, 2 * smoothing, self.norm)))
 
 
 class FilteredError(eqx.Module):
@@ -154,8 +148,7 @@ class FilteredError(eqx.Module):
     def __call__(self, record: Record, smoothing: Scalar) -> Scalar:
         """Return log J_f of a record, its kinks smoothed as those of `PlannedError`."""
         rows = filtered(record, self.bandwidth, self.period).rows
-        errors = smooth_worst_case_error(least_squares(rows, self.norm), rows, 2 * smoothing)
-        return jnp.log(jnp.max(errors))
+        return jnp.log(jnp.max(smooth_least_squares_error(rows, 2 * smoothing, self.norm)))
 
 
 class PerfectTracking(eqx.Module):

@@ -11,7 +11,7 @@ from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.loop.servo import Servo
 from jaxid.model.system import System
 from jaxid.motion.limits import Limits
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.trajectory import JerkTrajectory, extrema_of
 from jaxid.regression.error_of_motion import planned_error
 from jaxid.regression.lower_bound import LowerBound
 
@@ -116,7 +116,7 @@ def evaluate(
 
 def _require_within(trajectory: JerkTrajectory, limits: Limits) -> None:
     """Refuse a motion to which a lower bound does not apply."""
-    extrema = trajectory.extrema()
+    extrema = extrema_of(trajectory)
     for name in ("position", "velocity", "acceleration"):
         low, high = np.asarray(getattr(limits, name)).tolist()
         least, most = np.asarray(getattr(extrema, name)).tolist()

@@ -117,9 +117,16 @@ def nominal_log(
     Raises:
         ValueError: if the motion does not last a whole number of sample periods, two at least.
     """
-    return _log(nominal_log_model(system, trajectory, servo, controller), trajectory)
+    log, _ = modelled(nominal_log_model(system, trajectory, servo, controller), trajectory)
+    return whole(log)  # the model was made for this motion: no padding
 
 
 @eqx.filter_jit
-def _log(model: NominalLog, trajectory: JerkTrajectory) -> Log:
-    return whole(model(trajectory)[0])  # the model was made for this motion: no padding
+def modelled(model: NominalLog, trajectory: JerkTrajectory) -> tuple[Log, States]:
+    """Return a predicted log with its states, by one compiled function.
+
+    Args:
+        model: predicted log as a function of the motion.
+        trajectory: motion.
+    """
+    return model(trajectory)

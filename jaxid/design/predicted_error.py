@@ -17,7 +17,13 @@ from jaxtyping import Array, Float
 from jaxid._checks import is_concrete, require, require_at_least_zero, require_float64
 from jaxid._types import Scalar, as_array
 from jaxid.design.criteria import Criterion, LeastSquaresError
-from jaxid.design.nominal_log import NominalLog, States, nominal_log, nominal_log_model
+from jaxid.design.nominal_log import (
+    NominalLog,
+    States,
+    modelled,
+    nominal_log,
+    nominal_log_model,
+)
 from jaxid.identification.intervals import guaranteed_intervals, narrowed
 from jaxid.identification.modulating_functions import optimal, pieces
 from jaxid.identification.regression_rows import RegressionRows, hats
@@ -25,7 +31,7 @@ from jaxid.identification.state_bounds import StateBounds, state_bounds
 from jaxid.loop.controllers import Controller
 from jaxid.loop.log import Log
 from jaxid.loop.servo import Servo
-from jaxid.model.disturbance_bound import NearbyVelocityBound
+from jaxid.model.disturbance_bound import DisturbanceBound, NearbyVelocityBound
 from jaxid.model.system import System, smoothed
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory
@@ -46,13 +52,16 @@ class PredictedErrorNear(StagedObjective):
     Attributes:
         system: axis with its prior box and disturbance bound δ.
         narrow: system with the box that the log is predicted to leave, for the bounds of its
-            states. Its δ may be a `NearbyVelocityBound`, so that no jump of δ is exploited.
+            states.
         log_model: predicted log as a function of the motion.
         targets: targets of the m parameters, in their units; inf leaves a parameter out.
         speed: speed over which jumps are spread at smoothing 1, m/s or rad/s.
         largest: True, the default, for the largest relative error, False for their sum, in which
             1/targets are weights.
         knots: largest number of weights of the modulating functions.
+        row_bound: disturbance bound δ of the rows; None, the default, for that of the system. With
+            a `NearbyVelocityBound` no jump of δ is exploited. The bounds of the states use the δ of
+            the system: they hardly depend on it, and need not be compiled for another one.
 
     Raises:
         ValueError: if the targets are not m positive numbers, at least one of them finite.
@@ -65,6 +74,7 @@ class PredictedErrorNear(StagedObjective):
     speed: Scalar = eqx.field(converter=as_array("speed"))
     largest: bool = eqx.field(static=True, default=True)
     knots: int = eqx.field(static=True, default=150)
+    row_bound: DisturbanceBound | None = None
 
     def __check_init__(self) -> None:
         require_targets(self.system, self.targets)
@@ -80,8 +90,8 @@ class PredictedErrorNear(StagedObjective):
         """Return the predicted guaranteed error of each parameter, with its gradient, shape (m,).
 
         For zero smoothing it equals the bound of `guaranteed_intervals` for the predicted log, if
-        `narrow` is the box that this log leaves, with the same δ, and the number of weights is the
-        same.
+        `narrow` is the box that this log leaves, the rows have the same δ, and the number of
+        weights is the same.
 
         Args:
             trajectory: motion.
@@ -105,7 +115,7 @@ class PredictedErrorNear(StagedObjective):
         The linear programs run between two compiled functions instead of inside one: a compiled
         function that calls back to Python cannot be kept in a compilation cache.
         """
-        log, states = _modelled(self.log_model, trajectory)
+        log, states = modelled(self.log_model, trajectory)
         bounds = state_bounds(self.narrow, log)
         weights, dual = _weights(self.knots, *_program(self, log, states, bounds, smoothing))
         found = jnp.asarray(weights), jnp.asarray(dual)
@@ -155,7 +165,9 @@ class PredictedErrorNear(StagedObjective):
         y, v, a = (x + (at - stop_gradient(at)) for x, at in zip(bounds[:3], states, strict=True))
         step = jnp.abs(states.acceleration) * log.period / 2
         blend = jnp.where(smoothing > 0, smoothing * self.speed + step, 0.0)
-        return hats(smoothed(self.narrow, blend), log, StateBounds(y, v, a, bounds.reading))
+        bound = self.narrow.disturbance_bound if self.row_bound is None else self.row_bound
+        system = smoothed(self.narrow.with_disturbance_bound(bound), blend)
+        return hats(system, log, StateBounds(y, v, a, bounds.reading))
 
     def _program(self, logged: RegressionRows) -> tuple[Array, ...]:
         """Return what the linear programs need: regressors, δ, measure, noise, half-widths."""
@@ -167,11 +179,6 @@ def _weights(knots: int, *data: Array) -> tuple[np.ndarray, np.ndarray]:
     """Return the optimal weights, and the multipliers of their linear programs."""
     phi, delta, measure, noise, box = map(np.asarray, data)
     return optimal(phi, delta, noise, box, np.eye(box.size), knots, pieces(measure))
-
-
-@eqx.filter_jit
-def _modelled(model: NominalLog, trajectory: JerkTrajectory) -> tuple[Log, States]:
-    return model(trajectory)
 
 
 @eqx.filter_jit
@@ -269,10 +276,11 @@ class PredictedError(Criterion):
         system, servo = self.system, self.servo
         log = nominal_log(system, motion, servo, self.controller)
         narrow = narrowed(system, guaranteed_intervals(system, [log]).estimate)
+        bound = None
         if self.velocity_error:
-            narrow = narrow.with_disturbance_bound(
-                NearbyVelocityBound(system.disturbance_bound, self.velocity_error)
-            )
+            bound = NearbyVelocityBound(system.disturbance_bound, self.velocity_error)
         model = nominal_log_model(system, motion, servo, self.controller)
         speed = abs(task.limits.velocity).max()
-        return PredictedErrorNear(system, narrow, model, self.targets, speed, self.largest)
+        return PredictedErrorNear(
+            system, narrow, model, self.targets, speed, self.largest, row_bound=bound
+        )

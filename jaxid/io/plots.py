@@ -17,7 +17,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import EngFormatter
 
 from jaxid.io.files import UNITS, write_bytes
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.trajectory import JerkTrajectory, states_at
 
 # Okabe and Ito's palette: colour-blind readers can distinguish all of its colours
 BLACK, ORANGE, SKY, GREEN, BLUE, RED = (
@@ -102,8 +102,8 @@ def motion(
         title: title of the first axes.
         coordinate: "linear" (m) or "rotary" (rad), for the labels.
     """
-    time = jnp.linspace(0.0, float(trajectory.duration), 2000)
-    states = trajectory.states(time)
+    time = np.linspace(0.0, np.sum(np.asarray(trajectory.durations)), 2000)
+    states = states_at(trajectory, jnp.asarray(time))
     unit = UNITS[coordinate]
     names = (f"position ({unit})", f"velocity ({unit}/s)", f"acceleration ({unit}/s²)")
     for panel, values, interval, name in zip(panels, states, limits, names, strict=False):

@@ -17,7 +17,7 @@ from scipy.io import loadmat, savemat
 from jaxid._checks import require, require_concrete, require_float64, require_positive
 from jaxid.io.files import table_bytes, table_in, trajectory_header, write_bytes
 from jaxid.motion.limits import Limits
-from jaxid.motion.trajectory import JerkTrajectory, ticks
+from jaxid.motion.trajectory import JerkTrajectory, states_at, ticks
 
 Way = TypeVar("Way")
 VARIABLE = "setpoints"  # name of the matrix, and of the array in C
@@ -58,7 +58,7 @@ def sampled(trajectory: JerkTrajectory, period: float) -> Setpoints:
     )
     require_positive("period", "set-points", period)
     at = np.arange(ticks(trajectory, period) + 1)
-    states = trajectory.states(jnp.asarray(at * period))
+    states = states_at(trajectory, jnp.asarray(at * period))
     # multiples of a period are written as such
     return Setpoints((at * period).round(12), *map(np.asarray, states))
 

@@ -25,6 +25,16 @@ class DisturbanceBound(eqx.Module):
     def range(self, position: Range, velocity: Range) -> Range:
         """Return a range that contains δ for all positions and velocities in the given ranges."""
 
+    def scaled(self, factor: Scalar | float) -> "DisturbanceBound":
+        """Return `factor` times this disturbance bound, of the same class where that is possible.
+
+        Functions that are compiled for this bound then need not be compiled again.
+
+        Args:
+            factor: factor of δ, above zero.
+        """
+        return ScaledBound(self, factor)
+
     def describe(self, unit: str, speed: str) -> str:
         """Return the disturbance bound in words and numbers, for reports.
 
@@ -33,10 +43,6 @@ class DisturbanceBound(eqx.Module):
             speed: unit of ẏ, e.g. "m/s".
         """
         return f"δ of {type(self).__name__}, in {unit}"
-
-    def scaled(self, factor: Scalar | float) -> "ScaledBound":
-        """Return this disturbance bound times a constant factor above zero."""
-        return ScaledBound(self, factor)
 
 
 class ConstantBound(DisturbanceBound):
@@ -60,6 +66,9 @@ class ConstantBound(DisturbanceBound):
     def range(self, position: Range, velocity: Range) -> Range:
         """Return the range that holds only `level`, whatever position and velocity are."""
         return exactly(self(position.lower, velocity.lower))
+
+    def scaled(self, factor: Scalar | float) -> "ConstantBound":
+        return ConstantBound(factor * self.level)
 
     def describe(self, unit: str, speed: str) -> str:
         """Return the level of δ with its unit, e.g. "6 N"."""
@@ -101,6 +110,9 @@ class SpeedBand(DisturbanceBound, Nonsmooth):
         """Return the exact range of δ over the range of the velocity, at any position."""
         slowest, fastest = (self(position.lower, speed) for speed in abs(velocity))
         return exactly(slowest) | fastest  # monotone in |ẏ|
+
+    def scaled(self, factor: Scalar | float) -> "SpeedBand":
+        return SpeedBand(factor * self.slow, factor * self.fast, self.threshold, self.blend)
 
     def describe(self, unit: str, speed: str) -> str:
         """Return both levels of δ and the threshold speed, with their units."""

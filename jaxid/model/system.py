@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxid._checks import is_concrete, require, require_interval, require_shape
+from jaxid._checks import is_concrete, require, require_interval, require_positive, require_shape
 from jaxid._types import Interval, Motion, Scalar, as_array, dot
 from jaxid.model.disturbance_bound import DisturbanceBound
 from jaxid.model.interval_arithmetic import Range
@@ -81,7 +81,7 @@ class System(eqx.Module):
         >>> slide.names
         ('m', 'b', 'Fc')
         >>> slide.with_scaled_disturbance(0.5).disturbance_bound.describe("N", "m/s")
-        '0.5 times 6 N'
+        '3 N'
     """
 
     terms: tuple[Term, ...] = eqx.field(converter=tuple)
@@ -205,6 +205,7 @@ class System(eqx.Module):
         Raises:
             ValueError: if `factor` is not above zero and finite.
         """
+        require_positive("factor", "a scaled disturbance bound", factor)
         return self.with_disturbance_bound(self.disturbance_bound.scaled(factor))
 
     def regressor_values(self, position: Motion, velocity: Motion) -> tuple[Motion, ...]:

@@ -11,6 +11,7 @@ from jaxid.motion.trajectory import JerkTrajectory, States, padded, uniform
 from jaxid.motion.violation import worst_violation
 
 _MOST = 2000  # intervals of the longest motion that is tried when a shorter one is infeasible
+_FEW = 64  # intervals of a linear program that takes 0.05 s
 
 
 class InfeasibleError(ValueError):
@@ -19,8 +20,8 @@ class InfeasibleError(ValueError):
     Attributes:
         shortage: proved relaxation that all limits would need for this duration, in half-widths of
             each limit.
-        shortest: smallest feasible number of intervals of constant jerk; None if even a motion of
-            2000 intervals is infeasible.
+        shortest: number of intervals of constant jerk of the shortest feasible motion that was
+            found; None if none was found up to 2000 intervals.
     """
 
     def __init__(
@@ -32,14 +33,14 @@ class InfeasibleError(ValueError):
             intervals: number of intervals that is infeasible.
             period: duration of each interval, s.
             shortage: proved relaxation that all limits would need, in half-widths of each limit.
-            shortest: smallest feasible number of intervals, if there is one.
+            shortest: number of intervals of the shortest feasible motion found, if there is one.
         """
         self.shortage = shortage
         self.shortest = shortest
         hint = (
-            f"No motion of up to {_MOST * period:g} s ({_MOST} intervals) does."
+            f"None was found up to {_MOST * period:g} s ({_MOST} intervals)."
             if shortest is None
-            else f"The shortest one that does lasts {shortest * period:g} s ({shortest} intervals)."
+            else f"The shortest one found lasts {shortest * period:g} s ({shortest} intervals)."
         )
         super().__init__(
             f"Argument `intervals`: no motion of {intervals * period:g} s ({intervals} intervals "
@@ -99,9 +100,13 @@ def _require_inside(limits: Limits, boundary: Boundary) -> None:
 def shortest_feasible(
     limits: Limits, boundary: Boundary, period: float, multiple: int = 1, most: int = _MOST
 ) -> int | None:
-    """Return the smallest number of intervals of a motion with a margin to all limits.
+    """Return the number of intervals of the shortest motion found with a margin to all limits.
 
-    It is None if there is none up to `most` intervals.
+    It is None if none is found up to `most` intervals. The duration is doubled until a motion is
+    feasible, then bisected, as if every longer motion were feasible too. With more than 64
+    intervals, only motions whose jerk is constant over several of them are tried, since the time of
+    a linear program grows with the cube of its size; then the result may be some per cent longer
+    than the shortest.
 
     Args:
         limits: limits of the motion.
@@ -110,10 +115,26 @@ def shortest_feasible(
         multiple: number of which the result is a multiple.
         most: largest number of intervals that is tried.
     """
-    for intervals in range(multiple, most + 1, multiple):
-        if deepest(limits, boundary, intervals, period)[0] is not None:
-            return intervals
-    return None
+    few = max(2, 2 ** int(np.log2(max(_FEW // multiple, 1))))
+
+    def feasible(count: int) -> bool:
+        size = few * multiple  # one compilation for all lengths
+        found, _ = deepest(limits, boundary, count * multiple, stride * period, size)
+        return found is not None
+
+    # numbers of times `multiple` intervals, each of `stride` periods
+    infeasible, count, stride = 0, 1, 1
+    while not feasible(count):
+        if count == few:
+            count, stride = count // 2, 2 * stride
+        longest = most // (multiple * stride)
+        if count >= longest:
+            return None
+        infeasible, count = count, min(2 * count, longest)
+    while count - infeasible > 1:
+        middle = (infeasible + count) // 2
+        infeasible, count = (infeasible, middle) if feasible(middle) else (middle, count)
+    return count * multiple * stride
 
 
 def deepest(

@@ -163,6 +163,30 @@ def uniform(start: Numbers, jerk: Numbers, period: float) -> JerkTrajectory:
     return JerkTrajectory(jnp.asarray(start, jerk.dtype), jerk, durations)
 
 
+@eqx.filter_jit
+def states_at(trajectory: JerkTrajectory, times: Float[Array, " k"]) -> States:
+    """Return the states at any times, by one compiled function.
+
+    Outside of other compiled functions, the method `states` compiles each of its operations alone,
+    which takes 0.7 s.
+
+    Args:
+        trajectory: motion.
+        times: instants, s, shape (k,).
+    """
+    return trajectory.states(times)
+
+
+@eqx.filter_jit
+def extrema_of(trajectory: JerkTrajectory) -> Extrema:
+    """Return the lowest and highest values of a motion, by one compiled function: see `states_at`.
+
+    Args:
+        trajectory: motion.
+    """
+    return trajectory.extrema()
+
+
 def ticks(trajectory: JerkTrajectory, period: float) -> int:
     """Return the number of sample periods that a motion lasts.
 

@@ -33,6 +33,7 @@ _TOLERANCE = 1e-4  # relative, between the proved lower bound and its upper limi
 _ROUNDED = 1e-9  # relative, subtracted from a lower bound: far more than rounding of its sums
 _ROUNDS = 40  # rounds in which states are added
 _CHUNK = 2048  # cells that are evaluated together: one compilation
+_STATES = 256  # states likewise; the first grid has 81, and a round adds up to eight
 _MOST = 200_000  # cells; with more the proof stops at a larger s
 
 Cells = Float[np.ndarray, "cells 4"]
@@ -119,13 +120,12 @@ def _on_states(
     system: System, limits: Limits, functional: Vector, states: Float[np.ndarray, "states 2"]
 ) -> Vector:
     """Return the best ν for some states, each with both extreme accelerations."""
-    y, v = jnp.asarray(states.T)
-    delta = np.asarray(system.disturbance_bound(y, v))
-    forces = [np.asarray(force) for force in system.regressor_values(y, v)]
+    padded = np.concatenate([states, np.repeat(states[-1:], -len(states) % _STATES, axis=0)])
+    forces = np.asarray(_forces(system, jnp.asarray(padded.T)))[:, : len(states)]
     phi = np.concatenate(
         [
-            np.stack([np.full_like(delta, float(a)), *forces], axis=1) / delta[:, None]
-            for a in limits.acceleration
+            np.stack([np.full(len(states), a) / forces[0], *forces[1:]], axis=1)
+            for a in np.asarray(limits.acceleration)
         ]
     )
     box = np.asarray(system.half_widths)
@@ -140,6 +140,14 @@ def _on_states(
     assert solution.x is not None  # ν = 0 keeps all conditions, and the box is bounded
     # the solver satisfies bounds only up to a tolerance
     return np.clip(solution.x, -1.0, 1.0) * box
+
+
+@eqx.filter_jit
+def _forces(system: System, states: Float[Array, "2 states"]) -> Float[Array, "m states"]:
+    """Return δ, and the regressors other than the acceleration relative to it, for each state."""
+    y, v = states
+    delta = system.disturbance_bound(y, v)
+    return jnp.stack([delta, *(force / delta for force in system.regressor_values(y, v))])
 
 
 def _excess(

@@ -34,10 +34,15 @@ def least_squares(rows: Rows, norm: "Norm | None" = None) -> Float[Array, "k n"]
         rows: regression rows of one motion or record.
         norm: functionals of θ to estimate; default the m parameters themselves.
     """
+    _, mixtures = _mixtures(rows, norm)
+    return jnp.stack([dot(rows.columns, mixture) * rows.measure for mixture in mixtures])
+
+
+def _mixtures(rows: Rows, norm: "Norm | None") -> tuple[Float[Array, "k m"], Float[Array, "k m"]]:
+    """Return the functionals C of θ, and C P⁻¹."""
     P = information(rows)
     functionals = jnp.eye(P.shape[0], dtype=P.dtype) if norm is None else norm.functionals
-    mixtures = jnp.linalg.solve(P, functionals.T).T
-    return jnp.stack([dot(rows.columns, mixture) * rows.measure for mixture in mixtures])
+    return functionals, jnp.linalg.solve(P, functionals.T).T
 
 
 def worst_case_error(weights: Float[Array, "k n"], delta: Float[Array, " n"]) -> Float[Array, " k"]:
@@ -92,27 +97,29 @@ def affine_worst_case_error(
     )
 
 
-def smooth_worst_case_error(
-    weights: Float[Array, "k n"], rows: Rows, smoothing: Scalar
+def smooth_least_squares_error(
+    rows: Rows, smoothing: Scalar, norm: "Norm | None" = None
 ) -> Float[Array, " k"]:
-    """Return a smooth upper approximation of `worst_case_error`, with √(g² + s²) for |g|.
+    """Return a smooth upper approximation of the worst-case error of least squares.
 
-    It serves gradients and is never below the exact error. Per unit of time, s is `smoothing` times
-    the root mean square of g.
+    It is that of `worst_case_error` with √(g² + s²) for the |g| of each weight g. It serves
+    gradients and is never below the exact error. Per unit of time, s is `smoothing` times the root
+    mean square of g.
 
     Args:
-        weights: estimator weights g, shape (k, n).
-        rows: regression rows, with δ and measure.
+        rows: regression rows of one motion or record.
         smoothing: smoothing parameter, dimensionless; zero gives the exact error.
+        norm: functionals of θ to estimate; default the m parameters themselves.
     """
-    measure = rows.measure[None, :]
-    # rows of measure zero have no weight
-    density = weights**2 / jnp.where(measure > 0, measure, 1.0)
-    corner = smoothing**2 * jnp.sum(density, axis=1, keepdims=True) / jnp.sum(measure)
+    functionals, mixtures = _mixtures(rows, norm)
+    # a matrix product: the gradient of sums over columns takes twice as long
+    density = mixtures @ jnp.stack(rows.columns)
+    # the integral of (φᵀP⁻¹c)² over time is cᵀP⁻¹c; rounding must not make it negative
+    power = jnp.maximum(jnp.sum(functionals * mixtures, axis=1), 0.0) / jnp.sum(rows.measure)
+    square = density**2 + smoothing**2 * power[:, None]
     # √0 has no derivative
-    square = weights**2 + corner * measure**2
     safe = jnp.where(square > 0, square, 1.0)
-    return jnp.sum(jnp.where(square > 0, jnp.sqrt(safe), 0.0) * rows.delta[None, :], axis=1)
+    return jnp.where(square > 0, jnp.sqrt(safe), 0.0) @ (rows.delta * rows.measure)
 
 
 class Norm(eqx.Module):
@@ -169,7 +176,7 @@ def infinity(scale: Numbers) -> Norm:
         f"Argument `scale` of a norm must be positive, at least one of them finite, but is "
         f"{np.asarray(scale).tolist()}.",
     )
-    return Norm(jnp.diag(1 / jnp.asarray(scale))[counted])
+    return Norm(np.diag(1 / np.asarray(scale))[counted])
 
 
 def require_informative(rows: Rows, names: tuple[str, ...], scale: Float[Array, " m"]) -> None:

@@ -10,8 +10,8 @@ SMOOTHINGS = (0.0006, 0.0001)
 class Effort(NamedTuple):
     """The effort of a search for a motion: numbers of starts, steps, rounds and linear programs.
 
-    With the default, the worst-case errors of the motions for the motor of Lu and Yao (2010) are at
-    most 1 % above the best of three longer searches.
+    With the default, the worst-case errors of the motions for the motor of Lu and Yao (2010) are
+    about 1 % at most above the best of three longer searches.
 
     A search from random motions uses all fields up to `smoothings`; a design for the predicted
     error also `searches` and those with `predicted`; an improvement of a given motion uses

@@ -33,13 +33,13 @@ def random_starts(key: PRNGKeyArray, space: MotionSpace, count: int) -> Float[Ar
         space: coordinates of the motions.
         count: number of motions.
     """
-    return jax.random.normal(key, (count, space.basis.shape[1]))
+    return jnp.asarray(_generator(key).normal(size=(count, space.basis.shape[1])))
 
 
 def rearranged(
     key: PRNGKeyArray,
     space: MotionSpace,
-    parents: Sequence[Float[Array, " n"]],
+    parents: Sequence[Float[Array | np.ndarray, " n"]],
     period: float,
     acceleration: float,
     count: int,
@@ -72,7 +72,7 @@ def rearranged(
 def grown(
     key: PRNGKeyArray,
     space: MotionSpace,
-    parents: Sequence[Float[Array, " n"]],
+    parents: Sequence[Float[Array | np.ndarray, " n"]],
     intervals: int,
     count: int,
 ) -> Float[Array, "count d"]:
@@ -123,8 +123,11 @@ def _preferring_calm(business: Knots) -> Knots:
 def _coordinates(
     rng: np.random.Generator, space: MotionSpace, jerks: Sequence[Jerk], spread: Sequence[float]
 ) -> Float[Array, "count d"]:
-    z = jnp.stack([space.coordinates(jnp.asarray(jerk)) for jerk in jerks])
-    return z + jnp.asarray(rng.normal(size=z.shape) * np.asarray(spread)[:, None])
+    own = np.zeros((len(jerks), space.offset.size))
+    for row, jerk in zip(own, jerks, strict=True):
+        row[: jerk.size] = jerk
+    z = (own - np.asarray(space.offset)) @ np.asarray(space.inverse).T
+    return jnp.asarray(z + rng.normal(size=z.shape) * np.asarray(spread)[:, None])
 
 
 def _generator(key: PRNGKeyArray) -> np.random.Generator:

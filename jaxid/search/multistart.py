@@ -9,9 +9,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from jaxid._types import Scalar
 from jaxid.motion.motion_space import MotionSpace, motion_space
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
@@ -24,11 +24,11 @@ from jaxid.search.restoration import interior_motion, restored
 from jaxid.search.slp import refined
 
 
-class _Pool(NamedTuple):
-    """Admissible motions, best first, and the objective of each."""
+class _Reached(NamedTuple):
+    """An admissible motion and its objective, inf where that is NaN."""
 
-    trajectories: JerkTrajectory
-    values: Float[Array, " k"]
+    value: float
+    motion: JerkTrajectory
 
 
 def multistart(
@@ -49,7 +49,8 @@ def multistart(
         coarse: objective for the descent, a function of a trajectory and a smoothing parameter, of
             order one (e.g. the log of a positive quantity). Objectives of one kind share a
             compilation as an `equinox.Module` or as `jax.tree_util.Partial(function, data)`.
-        fine: same objective on a finer grid, for the refinement and the final choice.
+        fine: same objective on a finer grid, for the comparison of admissible motions and the
+            refinement.
         key: JAX key of the random starts.
         shorter: good motion with fewer intervals, of which some starts are longer copies.
         effort: number of starts, steps and rounds.
@@ -61,54 +62,50 @@ def multistart(
         InfeasibleError: if no motion of this length keeps the limits.
         ValueError: if no motion was found whose axis keeps its limits.
     """
-    problem, (limits, boundary, intervals, period, _, size) = Problem.of(task, coarse), task
+    problem, exact = Problem.of(task, coarse), Problem.of(task, fine)
+    limits, boundary, intervals, period, _, size = task
     deep = interior_motion(problem, intervals, period, size)
     space = motion_space(limits, boundary, intervals, period, size)
     first, *keys = jax.random.split(key, effort.rounds + 1)
     report("random starts")
     z = _first_starts(first, problem, space, intervals, shorter, effort)
-    pool, history = None, []
+    pool, history = [], []
     for k in range(effort.rounds + 1):
-        if pool is not None:
-            z = _variations(keys[k - 1], pool, task, space, effort)
+        if k:
+            z = _variations(keys[k - 1], pool[: effort.parents], task, space, effort)
         report(f"gradient descent {k + 1} of {effort.rounds + 1}")
         z = descend(problem, space, z, effort.stages, effort.steps)
-        found = _admissible(problem, deep, space, z)
-        pool = found if pool is None else _best(pool, found)
-        history.append(float(pool.values[0]))
-        show(_pick(pool, 0))
-    assert pool is not None
-    value, best = _refined(Problem.of(task, fine), deep, pool, effort, report, show)
-    return Design(trimmed(best), value, tuple(history))
+        pool = sorted([*pool, *_admissible(exact, deep, space, z)], key=_value)[: len(z)]
+        history.append(pool[0].value)
+        show(pool[0].motion)
+    best = _refined(exact, deep, pool[: effort.finalists], effort, report, show)
+    return Design(trimmed(best.motion), best.value, tuple(history))
 
 
 def _variations(
-    key: PRNGKeyArray, pool: _Pool, task: Task, space: MotionSpace, effort: Effort
+    key: PRNGKeyArray, best: list[_Reached], task: Task, space: MotionSpace, effort: Effort
 ) -> Float[Array, "starts d"]:
     """Return the best motions and rearranged copies of each."""
-    count = min(effort.parents, pool.values.size)
-    parents = [_pick(pool, i).jerk[: task.intervals] for i in range(count)]
-    fastest = float(jnp.max(jnp.abs(task.limits.acceleration)))
+    parents = [np.asarray(one.motion.jerk)[: task.intervals] for one in best]
+    fastest = float(np.max(np.abs(task.limits.acceleration)))
     return rearranged(key, space, parents, task.period, fastest, effort.variations)
 
 
 def _refined(
     problem: Problem,
     deep: JerkTrajectory,
-    pool: _Pool,
+    finalists: list[_Reached],
     effort: Effort,
     report: Report,
     show: Show,
-) -> tuple[float, JerkTrajectory]:
-    finalists = []
-    for k in range(min(effort.finalists, pool.values.size)):
-        report(f"local refinement {k + 1} of {effort.finalists}")
-        motion = refined(problem, deep, _pick(pool, k), effort.programs, effort.smoothings)
-        reached = jnp.nan_to_num(_value(problem, motion, 0.0), nan=jnp.inf)
-        finalists.append((float(reached), k, motion))
+) -> _Reached:
+    found = []
+    for k, one in enumerate(finalists, start=1):
+        report(f"local refinement {k} of {len(finalists)}")
+        motion = refined(problem, deep, one.motion, effort.programs, effort.smoothings)
+        found.append(_reached(problem, motion, 0.0))
         show(motion)
-    value, _, best = min(finalists)  # k orders motions of equal value
-    return value, best
+    return min(found, key=_value)
 
 
 def _first_starts(
@@ -136,36 +133,28 @@ def _first_starts(
     return jnp.concatenate(parts)
 
 
-@eqx.filter_jit
-def _value(problem: Problem, trajectory: JerkTrajectory, smoothing: float) -> Scalar:
-    return problem.objective(trajectory, jnp.asarray(smoothing))
-
-
-@eqx.filter_jit
 def _admissible(
     problem: Problem, deep: JerkTrajectory, space: MotionSpace, z: Float[Array, "starts d"]
-) -> _Pool:
-    """Return the motions restored to the limits, best first."""
+) -> list[_Reached]:
+    """Return the motions restored to the limits, with their smoothed objectives.
 
-    def one(z: Float[Array, " d"]) -> tuple[JerkTrajectory, Scalar]:
-        found = restored(problem, deep, space.trajectory(z))
-        return found, problem.objective(found, jnp.asarray(LAST_SMOOTHING))
-
-    return _sorted(_Pool(*jax.vmap(one)(z)))
+    One motion after the other, by functions that the refinement needs too: a function for all of
+    them together takes longer to compile than to compute.
+    """
+    motions = (restored(problem, deep, _motion(space, one)) for one in np.asarray(z))
+    return [_reached(problem, motion, LAST_SMOOTHING) for motion in motions]
 
 
 @eqx.filter_jit
-def _best(one: _Pool, other: _Pool) -> _Pool:
-    """Return the best motions of both pools, as many as `other` holds."""
-    both = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), one, other)
-    return jax.tree.map(lambda x: x[: other.values.size], _sorted(both))
+def _motion(space: MotionSpace, z: Float[Array, " d"]) -> JerkTrajectory:
+    return space.trajectory(z)
 
 
-def _sorted(pool: _Pool) -> _Pool:
-    # a motion with a NaN must not be sorted first
-    order = jnp.argsort(jnp.nan_to_num(pool.values, nan=jnp.inf))
-    return jax.tree.map(lambda x: x[order], pool)
+def _reached(problem: Problem, motion: JerkTrajectory, smoothing: float) -> _Reached:
+    """Return a motion with its objective, from the function that also gives the slope."""
+    value = float(problem.value_and_slope(motion, smoothing)[0])
+    return _Reached(float("inf") if np.isnan(value) else value, motion)
 
 
-def _pick(pool: _Pool, k: int) -> JerkTrajectory:
-    return jax.tree.map(lambda x: x[k], pool.trajectories)
+def _value(one: _Reached) -> float:
+    return one.value

@@ -97,17 +97,15 @@ class Problem(eqx.Module):
             return planned
         return (*planned, *axis_violations(self.limits, self.axis(trajectory)))
 
-    @eqx.filter_jit
     def violation(self, trajectory: JerkTrajectory) -> Scalar:
         """Return the largest violation of any limit, in half-widths; ≤ 0 if all limits are kept.
 
         The motion is checked over all of time, the axis once per sample.
         """
         worst = worst_violation(self.limits, self.boundary, trajectory)
-        if self.axis is not None:
-            sides = axis_violations(self.limits, self.axis(trajectory))
-            worst = jnp.maximum(worst, jnp.max(jnp.stack([jnp.max(side) for side in sides])))
-        return worst
+        if self.axis is None:
+            return worst
+        return jnp.maximum(worst, _worst_of_axis(self.limits, self.axis, trajectory))
 
     def value(self, trajectory: JerkTrajectory) -> Scalar:
         """Return the objective of a motion without smoothing; inf where it is NaN."""
@@ -126,7 +124,8 @@ class Problem(eqx.Module):
             trajectory: motion, not traced.
             smoothing: smoothing parameter; 0 for the exact value.
         """
-        smooth = jnp.asarray(smoothing)
+        # with a type of its own, as in `value`: a weak type would be compiled once more
+        smooth = jnp.asarray(smoothing, float)
         if isinstance(self.objective, StagedObjective):
             return self.objective.value_and_slope(trajectory, smooth)
         return _value_and_slope(self.objective, trajectory, smooth)
@@ -181,6 +180,16 @@ class Problem(eqx.Module):
         penalty, smooth = jnp.asarray(_MERIT_PENALTY), jnp.asarray(smoothing)
         value = self.lagrangian(trajectory, nothing, penalty, smooth)
         return jnp.nan_to_num(value, nan=jnp.inf)
+
+
+@eqx.filter_jit
+def _worst_of_axis(limits: Limits, axis: Prediction, trajectory: JerkTrajectory) -> Scalar:
+    """Return the largest violation of the limits by the axis, in half-widths.
+
+    It is compiled without the objective, which it does not need: once for all objectives.
+    """
+    sides = axis_violations(limits, axis(trajectory))
+    return jnp.max(jnp.stack([jnp.max(side) for side in sides]))
 
 
 @eqx.filter_jit

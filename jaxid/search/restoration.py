@@ -60,7 +60,6 @@ def interior_motion(
     return best
 
 
-@eqx.filter_jit
 def restored(problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory) -> JerkTrajectory:
     """Return the admissible motion nearest to `candidate` on the line from an admissible one to it.
 
@@ -72,7 +71,14 @@ def restored(problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory
         inside: motion with a margin to all limits.
         candidate: motion that may violate limits.
     """
+    # without the objective: compiled once for all objectives
+    return _restored(eqx.tree_at(lambda p: p.objective, problem, None), inside, candidate)
 
+
+@eqx.filter_jit
+def _restored(
+    problem: Problem, inside: JerkTrajectory, candidate: JerkTrajectory
+) -> JerkTrajectory:
     def at(share: Scalar) -> JerkTrajectory:
         return _mixed(inside, candidate, share)
 
