@@ -11,6 +11,7 @@ import pytest
 from experiments.paper.designs import TOY
 from jaxid._text import at_least
 from jaxid.axis import cli
+from jaxid.axis import design as axis_search
 from jaxid.axis import design_result as axis_design
 from jaxid.axis import tradeoff as axis_tradeoff
 from jaxid.axis.commands import design as design_command
@@ -239,6 +240,28 @@ def test_an_interruption_leaves_nothing(tmp_path, capsys, monkeypatch):
         cli.main(["design", str(path), "--out", str(out)])
     assert stopped.value.code == 130
     assert not out.exists()
+
+
+def test_an_interruption_of_a_search_leaves_its_best_motion(tmp_path, capsys, monkeypatch, figures):
+    """The search is replaced by one that shows two motions and is interrupted."""
+    path, out = tmp_path / "axis.toml", tmp_path / "out"
+    cli.main(["init", str(path)])
+    task = read_axis(path).task
+    worse = interior(task.limits, task.boundary, task.intervals, task.period)
+    better = read_trajectory(figures / "trajectory_minimax.csv")
+
+    def search(*arguments, show, **options):
+        show(better)
+        show(worse)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(axis_search, "optimal_motion", search)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["design", str(path), "--out", str(out)])
+    assert stopped.value.code == 130
+    assert "was not finished" in capsys.readouterr().out
+    np.testing.assert_array_equal(read_trajectory(out / "trajectory.csv").jerk, better.jerk)
+    assert json.loads((out / "design.json").read_text())["search"].endswith("interrupted")
 
 
 def test_help_shows_what_there_is(capsys):

@@ -129,8 +129,11 @@ def test_of_several_starts_the_one_is_kept_that_becomes_the_best(figures, monkey
         return Design(read_trajectory(figures / f"trajectory_{next(files)}_N30.csv"), 0.0, ())
 
     monkeypatch.setattr(optimal_motion_file, "multistart", found)
-    design = designed(FLOOR, key, QUICK, report=(said := []).append)
+    said = []
+    design = designed(FLOOR, key, QUICK, report=lambda *step: said.append(step))
     assert len(said) == 4
+    shares = [share for _, share in said]
+    assert shares == sorted(shares)
     own = [
         float(jnp.max(expected(read_trajectory(figures / f"trajectory_{name}_N30.csv")) / FLOOR))
         for name in ("dbar", "infinity", "Fc")

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxid._checks import require
+from jaxid._progress import Report, silent, within
 from jaxid.axis.defaults import ALL
 from jaxid.axis.file import Axis
 from jaxid.design.evaluation import Evaluation, evaluate
@@ -17,10 +18,9 @@ from jaxid.design.predicted_error import PredictedError
 from jaxid.identification.intervals import guaranteed_intervals
 from jaxid.motion.feasibility import interior
 from jaxid.motion.point_to_point import approach, joined, wait
-from jaxid.motion.trajectory import JerkTrajectory
+from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.regression.lower_bound import LowerBound, lower_bound
 from jaxid.search.effort import Effort
-from jaxid.search.problem import Report
 
 WANTED = "wanted"  # parameters of [wanted], each error relative to its accuracy
 FACTORS = (0.5, 2.0)  # factors of δ, for which predicted errors are reported too
@@ -51,7 +51,7 @@ def design_axis(
     target: str = ALL,
     seed: int = 0,
     effort: Effort = Effort(),
-    tell: Report = lambda message: None,
+    report: Report = silent,
 ) -> AxisDesign:
     """Return the motion of least predicted guaranteed error, with its evaluation.
 
@@ -61,21 +61,47 @@ def design_axis(
             minimised, relative to its lower bound or to the required accuracy.
         seed: seed of the random search.
         effort: numbers of starts, steps and rounds of the search.
-        tell: function that is called with the name of each step as it begins.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
 
     Raises:
+        InterruptedDesign: if the user interrupts (Ctrl-C) after a first motion was found. Its
+            `found` is the best one.
         InfeasibleError: if no motion keeps the limits.
         ValueError: if there is no such target, or the axis cannot approach the start of a motion.
     """
     system, task, servo = axis.system, axis.task, axis.servo
     require_possible(axis, target)
-    tell("lower bound of every parameter")
+    report("lower bound of every parameter", 0.0)
     least = lower_bound(system, task.limits)
     targets, key = _targets(axis, target, least), jax.random.key(seed)
     criterion = PredictedError(system, targets, servo, velocity_error=axis.velocity_error)
-    motion = optimal_motion(task, criterion, key, effort=effort, report=tell).trajectory
-    tell("evaluation")
-    return evaluated(axis, target, in_words(seed, effort), motion, least)
+    search, own = in_words(seed, effort), within(report, 0.05, 0.9)
+    reached: list[JerkTrajectory] = []
+    try:
+        found = optimal_motion(task, criterion, key, effort=effort, report=own, show=reached.append)
+    except KeyboardInterrupt:
+        if not reached:
+            raise
+        report("evaluation of the best motion so far", 0.9)
+        best = min(reached, key=lambda x: float(criterion.near(task, x)(x, jnp.zeros(()))))
+        search = f"{search}, interrupted"
+        raise InterruptedDesign(evaluated(axis, target, search, trimmed(best), least)) from None
+    report("evaluation", 0.9)
+    return evaluated(axis, target, search, found.trajectory, least)
+
+
+class InterruptedDesign(KeyboardInterrupt):
+    """The interruption of `design_axis` by the user.
+
+    Attributes:
+        found: best motion so far, which keeps all limits.
+    """
+
+    def __init__(self, found: AxisDesign) -> None:
+        """Keep the best motion so far."""
+        super().__init__("Interrupted: the search for a better motion was not finished.")
+        self.found = found
 
 
 def require_possible(axis: Axis, target: str) -> None:

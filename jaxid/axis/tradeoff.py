@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxid._checks import require
+from jaxid._progress import Report, silent, within
 from jaxid.axis.design import AxisDesign, design_axis, evaluated, in_words, require_possible
 from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import PROGRAM, Axis
@@ -15,7 +16,6 @@ from jaxid.io.results import require_writable
 from jaxid.motion.violation import worst_violation
 from jaxid.regression.lower_bound import lower_bound
 from jaxid.search.effort import Effort
-from jaxid.search.problem import Report
 
 
 class Tradeoff(NamedTuple):
@@ -39,7 +39,7 @@ def tradeoff(
     out: Path,
     seed: int = 0,
     effort: Effort = Effort(),
-    tell: Report = lambda message: None,
+    report: Report = silent,
     *,
     replace: bool = False,
 ) -> Tradeoff:
@@ -55,7 +55,8 @@ def tradeoff(
             reused.
         seed: seed of each search.
         effort: effort of each search.
-        tell: function that is called with the name of each step as it begins.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
         replace: whether other designs in these folders may be replaced.
 
     Raises:
@@ -71,14 +72,14 @@ def tradeoff(
         kept.append(_kept(out / place, longer, target, search, replace=replace))
     found, results = [], {}
     least = lower_bound(axis.system, axis.task.limits)  # whatever the duration
-    for place, (target, longer), saved in zip(places, asked, kept, strict=True):
+    for k, (place, (target, longer), saved) in enumerate(zip(places, asked, kept, strict=True)):
+        label = f"{place}, {k + 1} of {len(places)}: "
+        own = within(report, k / len(places), (k + 1) / len(places), label)
         if saved is None:
-            one = design_axis(
-                longer, target, seed, effort, lambda said, place=place: tell(f"{place}: {said}")
-            )
+            one = design_axis(longer, target, seed, effort, own)
             part = write(out / place, DesignResult(one), replace=replace)
         else:
-            tell(f"{place}: evaluation")
+            own("evaluation", 0.0)
             one, part = evaluated(longer, target, search, saved.motion, least), saved.part
         found.append(one)
         results[f"{place}/{DesignResult.name}"] = part.digest

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import PRNGKeyArray
 
 from jaxid._checks import require, require_concrete, require_float64, require_positive
+from jaxid._progress import Report, silent, within
 from jaxid._types import Scalar
 from jaxid.design.criteria import Criterion, LeastSquaresError
 from jaxid.design.predicted_error import PredictedError
@@ -17,10 +18,11 @@ from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.search.effort import Effort
 from jaxid.search.local import improve
 from jaxid.search.multistart import multistart
-from jaxid.search.problem import Design, Objective, Problem, Report, Show
+from jaxid.search.problem import Design, Objective, Problem, Show
 from jaxid.search.restoration import interior_motion, restored
 from jaxid.search.slp import refined
 
+_SEARCHED = 0.8  # share of the work that is done when all searches have ended
 _NEVER = 1e300  # a search counts a criterion that is not a number as the largest float
 _MET = 1e-9  # half-widths: far above rounding errors, and negligible for the axis
 
@@ -32,7 +34,7 @@ def optimal_motion(
     *,
     shorter: JerkTrajectory | None = None,
     effort: Effort = Effort(),
-    report: Report = lambda message: None,
+    report: Report = silent,
     show: Show = lambda trajectory: None,
 ) -> Design:
     """Return the motion within the limits that minimises a criterion, as found by a search.
@@ -53,7 +55,8 @@ def optimal_motion(
         shorter: good motion with fewer intervals, which some starts extend; a search for a
             `PredictedError` does not use it.
         effort: numbers of starts, steps and rounds of the search.
-        report: function that is called with the name of each step as it begins.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
         show: function that is called with the best admissible motions during the search.
 
     Returns:
@@ -150,16 +153,14 @@ class _Search(NamedTuple):
         criterion.near(self.task, self.deep)  # raises if the servo cannot record a log
         found = []
         for k, own in enumerate(jax.random.split(key, count), start=1):
-            label = f"search {k} of {count}"
-            search = self._replace(
-                criterion=criterion.start,
-                report=lambda words, label=label: self.report(f"{label}: {words}"),
-            )
+            first, last = _SEARCHED * (k - 1) / count, _SEARCHED * k / count
+            report = within(self.report, first, last, f"search {k} of {count}: ")
+            search = self._replace(criterion=criterion.start, report=within(report, 0.0, 0.7))
             motion = search.from_key(own, None).trajectory
-            self.report(f"{label}: predicted errors")
+            report("predicted errors", 0.7)
             motion = self.refined(motion, smoothings[:1])
             found.append((self.value(motion), k, motion))
-        self.report("refinement of the best")
+        self.report("refinement of the best", _SEARCHED)
         best = min(found)[-1]
         better = self.better(best, self.refined(best, smoothings[1:]))
         return self.design(better, tuple(value for value, _, _ in found))

@@ -10,12 +10,13 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float
 
+from jaxid._progress import Report, silent
 from jaxid._types import Scalar
 from jaxid.motion.motion_space import MotionSpace, motion_space
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
 from jaxid.search.effort import Effort
 from jaxid.search.frozen_loop import freeze
-from jaxid.search.problem import Design, Multipliers, Problem, Report
+from jaxid.search.problem import Design, Multipliers, Problem
 from jaxid.search.restoration import interior_motion
 from jaxid.search.slp import refined, repaired
 
@@ -26,7 +27,7 @@ def improve(
     problem: Problem,
     start: JerkTrajectory,
     effort: Effort = Effort(),
-    report: Report = lambda message: None,
+    report: Report = silent,
 ) -> Design:
     """Return an improved motion that keeps all limits, from a given one that may violate them.
 
@@ -36,7 +37,8 @@ def improve(
         problem: objective, limits, and the prediction of the axis.
         start: motion with intervals of equal duration.
         effort: numbers of steps of the improvement.
-        report: function that is called with the name of each stage as it begins.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
 
     Raises:
         InfeasibleError: if no motion of this length keeps the limits of the motion.
@@ -57,12 +59,12 @@ def improve(
             history.append(value)
 
     if effort.newton_rounds:
-        report("quasi-Newton steps")
+        report("quasi-Newton steps", 0.0)
         z = space.coordinates(best.jerk)
         found = space.trajectory(_quasi_newton(_still(problem, best), space, z, effort))
         if jnp.all(jnp.isfinite(found.jerk)):  # NaN if the objective has no gradient
             accept(repaired(problem, deep, found))
-    report("linear programs")
+    report("linear programs", 0.5 if effort.newton_rounds else 0.0)
     accept(refined(problem, deep, best, effort.programs, effort.smoothings))
     return Design(best, history[-1], tuple(history))
 

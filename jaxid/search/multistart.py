@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
+from jaxid._progress import Report, silent, within
 from jaxid.motion.motion_space import MotionSpace, motion_space
 from jaxid.motion.task import Task
 from jaxid.motion.trajectory import JerkTrajectory, trimmed
@@ -19,7 +20,7 @@ from jaxid.search.arc_structures import evolve_arcs
 from jaxid.search.augmented_lagrangian import LAST_SMOOTHING, descend
 from jaxid.search.effort import Effort
 from jaxid.search.initial_guesses import grown, random_starts, rearranged
-from jaxid.search.problem import Design, Objective, Problem, Report, Show
+from jaxid.search.problem import Design, Objective, Problem, Show
 from jaxid.search.restoration import interior_motion, restored
 from jaxid.search.slp import refined
 
@@ -39,7 +40,7 @@ def multistart(
     *,
     shorter: JerkTrajectory | None = None,
     effort: Effort = Effort(),
-    report: Report = lambda message: None,
+    report: Report = silent,
     show: Show = lambda trajectory: None,
 ) -> Design:
     """Return the best motion found from many starts, refined by linear programs.
@@ -54,7 +55,8 @@ def multistart(
         key: JAX key of the random starts.
         shorter: good motion with fewer intervals, of which some starts are longer copies.
         effort: number of starts, steps and rounds.
-        report: function that is called with the name of each stage as it begins.
+        report: function that is called as each step begins, with its name and the share of the
+            work that is done.
         show: function that is called with the best admissible motion after each descent and with
             each refined one.
 
@@ -67,18 +69,20 @@ def multistart(
     deep = interior_motion(problem, intervals, period, size)
     space = motion_space(limits, boundary, intervals, period, size)
     first, *keys = jax.random.split(key, effort.rounds + 1)
-    report("random starts")
+    steps = 1 + effort.rounds + 1 + effort.finalists
+    report("random starts", 0.0)
     z = _first_starts(first, problem, space, intervals, shorter, effort)
     pool, history = [], []
     for k in range(effort.rounds + 1):
         if k:
             z = _variations(keys[k - 1], pool[: effort.parents], task, space, effort)
-        report(f"gradient descent {k + 1} of {effort.rounds + 1}")
+        report(f"gradient descent {k + 1} of {effort.rounds + 1}", (k + 1) / steps)
         z = descend(problem, space, z, effort.stages, effort.steps)
         pool = sorted([*pool, *_admissible(exact, deep, space, z)], key=_value)[: len(z)]
         history.append(pool[0].value)
         show(pool[0].motion)
-    best = _refined(exact, deep, pool[: effort.finalists], effort, report, show)
+    last = within(report, (steps - effort.finalists) / steps, 1.0)
+    best = _refined(exact, deep, pool[: effort.finalists], effort, last, show)
     return Design(trimmed(best.motion), best.value, tuple(history))
 
 
@@ -101,7 +105,7 @@ def _refined(
 ) -> _Reached:
     found = []
     for k, one in enumerate(finalists, start=1):
-        report(f"local refinement {k} of {len(finalists)}")
+        report(f"local refinement {k} of {len(finalists)}", (k - 1) / len(finalists))
         motion = refined(problem, deep, one.motion, effort.programs, effort.smoothings)
         found.append(_reached(problem, motion, 0.0))
         show(motion)

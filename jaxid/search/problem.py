@@ -17,7 +17,6 @@ from jaxid.motion.trajectory import JerkTrajectory
 from jaxid.motion.violation import Prediction, axis_violations, violations, worst_violation
 
 Objective = Callable[[JerkTrajectory, Scalar], Scalar]
-Report = Callable[[str], None]
 Show = Callable[[JerkTrajectory], None]
 _MERIT_PENALTY = 100.0  # that of the last stage of a descent
 Multipliers = tuple[Float[Array, "..."], ...]

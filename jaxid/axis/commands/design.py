@@ -4,11 +4,9 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
-from jaxid.axis.commands.shared import finish
+from jaxid.axis.commands.shared import finish, progress
 from jaxid.axis.defaults import EFFORTS
-from jaxid.axis.design import design_axis
+from jaxid.axis.design import InterruptedDesign, design_axis
 from jaxid.axis.design_result import DesignResult
 from jaxid.axis.file import Axis
 from jaxid.axis.tradeoff import tradeoff
@@ -36,12 +34,20 @@ def run(
     several = len(target) * len(times) > 1
     names = (TradeoffResult if several else DesignResult).names
     require_writable(out, names, replace=force)
-    with tqdm(bar_format="{desc} ({elapsed})") as line:
-        search = seed, EFFORTS[effort], line.set_description
+    interruption = None
+    with progress() as report:
+        search = seed, EFFORTS[effort], report
         if several:
             result = TradeoffResult(tradeoff(known, target, times, out, *search, replace=force))
         else:
-            result = DesignResult(design_axis(known.lasting(times[0]), target[0], *search))
+            try:
+                found = design_axis(known.lasting(times[0]), target[0], *search)
+            except InterruptedDesign as error:
+                found, interruption = error.found, error
+            result = DesignResult(found)
     finish(out, result, replace=force)
+    if interruption is not None:
+        print(interruption)
+        raise KeyboardInterrupt from None
     if not several:
         print(f"Next: {shlex.join(['jaxid', 'simulate', str(axis), str(out)])}")
