@@ -7,7 +7,7 @@ BENCH := $(VENV)/.bench
 # one test process per processor, at least one
 WORKERS ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-suites bench-design test long mutants oldest check clean
+.PHONY: reproduce sweep robust endtoend honest compare sensors sequential arm examples emps crosscheck bench bench-suites bench-design test test-all long mutants oldest check clean
 
 reproduce: $(READY)  ## the paper's tables and figures, into figures/
 	$(BIN)/python -m experiments.paper
@@ -55,8 +55,11 @@ bench-suites: $(BENCH)  ## the same, with the times of make reproduce and make t
 bench-design: $(BENCH)  ## the design search beside IPOPT, cell by cell; 15 minutes, goes on where it stopped
 	$(BIN)/python -m experiments.bench.design_against_ipopt
 
-test: $(READY)  ## every promise
-	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+test: $(READY)  ## every promise; ten minutes the first time, five again
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not slow"
+
+test-all: test  ## and every study, with minimal effort; five minutes more
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m slow
 
 long: $(READY)  ## a log of 200 MB, read in little memory; six minutes
 	JAXID_LONG_LOG=200 $(BIN)/python -m pytest tests/test_long_log.py

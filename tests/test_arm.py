@@ -101,6 +101,7 @@ def test_what_is_printed_of_it_is_that_of_the_motions_in_the_files(figures, tmp_
             assert float(row[end]) == pytest.approx(float(other[end]), abs=0.01 * length)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick_compilation")
 def test_a_design_of_each_kind_is_searched():
     study = one_link_arm.Study(toy=True)

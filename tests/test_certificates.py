@@ -166,6 +166,7 @@ def width(row):
     return row["feasible_upper"] - row["feasible_lower"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick_compilation")
 def test_the_rounds_run(tmp_path, capsys):
     sequential.main(sequential.Sequential(tmp_path, toy=True))

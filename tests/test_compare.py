@@ -105,6 +105,7 @@ def test_a_family_is_given_at_least_the_starts_and_evaluations_of_a_design():
     assert given.evaluations >= evaluations + bred * effort.generations
 
 
+@pytest.mark.slow
 def test_a_search_in_a_family_improves_and_keeps_the_limits(key):
     objective = PlannedError(motor.system(), infinity(motor.system().half_widths), 2.0, 5)
     problem, one = Problem.of(TASK, objective), family("bang_bang")
@@ -153,6 +154,7 @@ def test_the_table_is_that_of_the_motions_in_the_files(figures, tmp_path):
     assert all(max(others) > 1.0 for others in relative.values())
 
 
+@pytest.mark.slow
 def test_an_excitation_of_each_kind_is_searched():
     options = compare.Compare(toy=True)
     assert options.path("prbs").name == "toy_compare_prbs.csv"

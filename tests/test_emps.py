@@ -65,6 +65,7 @@ def test_a_smaller_disturbance_than_the_data_need_is_refused(recorded):
     assert smallest_disturbance_factor(emps.by_direction(5.0), [log]) < 0.9 * factor
 
 
+@pytest.mark.slow
 @at_hand
 @pytest.mark.usefixtures("quick_compilation")
 def test_the_program_runs(tmp_path):

@@ -80,6 +80,7 @@ def test_the_comparison_with_ipopt_runs_and_leaves_its_table_alone(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["bench_design.csv"]
 
 
+@pytest.mark.slow
 def test_the_programs_that_keep_the_limits_of_the_axis(tmp_path):
     """Robust and end-to-end designs run in one process, because they share compilations.
 

@@ -34,6 +34,7 @@ def slurm(job: int, task: int) -> dict[str, object]:
     return {f"SLURM_{name}": value for name, value in told.items()}
 
 
+@pytest.mark.slow
 def test_two_tasks_of_slurm_compute_the_same_bits_as_one_process(tmp_path):
     def sweep(name: str, variables: dict[str, object]) -> subprocess.Popen[str]:
         options = ("--toy", "--devices", 1, "--out", tmp_path / name)

@@ -91,8 +91,8 @@ def reproduction(folder: Path, run: int) -> Sequence[str]:
 
 
 def tests(folder: Path, run: int) -> Sequence[str]:
-    """Return the arguments of pytest for all tests."""
-    return "-q", "-n", str(len(processors())), "--dist", "worksteal"
+    """Return the arguments of pytest for the tests of `make test`."""
+    return "-q", "-n", str(len(processors())), "--dist", "worksteal", "-m", "not slow"
 
 
 def _write_axis(folder: Path, *changes: tuple[str, str], spring: bool = False) -> Axis | None:
