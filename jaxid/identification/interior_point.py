@@ -13,7 +13,7 @@ Primal-Dual Interior Point Method" (1992), for A x − b = above − below with 
 multipliers −cost ≤ λ ≤ cost, where A and b stack the three sums and `cost` is 1 for each term.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, no_type_check
 
 import numpy as np
 from jaxtyping import Float
@@ -30,6 +30,8 @@ _MARGIN = 1e-14  # of a diagonal; with 1e-12 the values are off by 3e-7
 _AWAY = 1e-12  # of the first iterate from zero, at least
 _SHORTEST = 1e-7  # step below which rounding prevents further progress
 
+# `no_type_check`: checks of the types of arguments, in tests, would take ten times as long as the
+# arithmetic of these functions, which are called thousands of times for one log
 Vector = Float[np.ndarray, " rows"]
 
 
@@ -123,16 +125,19 @@ class LeastDeviations:
             return None
         return Minimum(iteration.admissible(best.x), best.multipliers[-target.size :])
 
+    @no_type_check
     def rows(self, x: Float[np.ndarray, " knots"]) -> Vector:
         """Return A x: x itself, spread·x and moments·x."""
         return np.concatenate([x, self.spread @ x, _product(self.moments, x)])
 
+    @no_type_check
     def columns(self, y: Vector) -> Float[np.ndarray, " knots"]:
         """Return Aᵀy."""
         count, kinks = self.moments.shape[1], self.spread.shape[0]
         own, spread, moments = np.split(y, [count, count + kinks])
         return own + self._transposed @ spread + _product(self._columns, moments)
 
+    @no_type_check
     def factor(self, d: Vector) -> Float[np.ndarray, "bands knots"]:
         """Return the banded Cholesky factor of AᵀDA without the moments."""
         m, count = self.moments.shape
@@ -144,6 +149,7 @@ class LeastDeviations:
         return cholesky_banded(bands, lower=True, check_finite=False)
 
 
+@no_type_check
 class _Iteration:
     """The iteration for one program."""
 
@@ -209,6 +215,7 @@ class _Iteration:
         return following if length > _SHORTEST else None
 
 
+@no_type_check
 class _Newton:
     """The equations A dx + H dλ = R and Aᵀdλ = r, with H a diagonal matrix above zero.
 
@@ -247,6 +254,7 @@ class _Newton:
         return x, multipliers
 
 
+@no_type_check
 class _Step:
     """The Newton step of the optimality conditions at an iterate.
 
@@ -321,12 +329,14 @@ class _Step:
         ), max(one, two)
 
 
+@no_type_check
 def _products(point: _Point) -> float:
     """Return the sum of all products of an iterate."""
     parts = _inner(point.above, point.over) + _inner(point.below, point.under)
     return parts + point.room * point.price
 
 
+@no_type_check
 def _inner(one: Vector, other: Vector) -> float:
     """Return an inner product.
 
@@ -336,6 +346,7 @@ def _inner(one: Vector, other: Vector) -> float:
     return float(np.einsum("i,i", one, other))
 
 
+@no_type_check
 def _product(
     matrix: Float[np.ndarray, "a b"], other: Float[np.ndarray, "b *c"]
 ) -> Float[np.ndarray, "a *c"]:
@@ -343,6 +354,7 @@ def _product(
     return np.einsum("ij,j...->i...", matrix, other)
 
 
+@no_type_check
 def _farthest(pairs: list[tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_"]]]) -> float:
     """Return the largest multiple of changes that keeps positive numbers positive."""
     return min(float(np.min(-at[to < 0] / to[to < 0], initial=np.inf)) for at, to in pairs)
