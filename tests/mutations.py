@@ -63,6 +63,7 @@ PROOF = (
     "tests/test_lower_bound.py::test_its_proof_holds_on_a_dense_random_set_of_states",
     "tests/test_lower_bound.py::test_the_proof_for_combinations_holds_on_such_a_set_too",
 )
+SCALED = ("tests/test_system.py::test_a_scaled_delta_is_that_multiple_everywhere",)
 CONTRADICTION = (
     "tests/test_feasible_parameter_set.py::test_data_that_contradict_delta_are_found_out",
     "tests/test_feasible_parameter_set.py::"
@@ -670,7 +671,7 @@ OF_FALSIFICATION = (
         "a factor of δ that is not proved",
         FALSIFICATION,
         "return low[0], high[0]",
-        "return high[0], high[0]",
+        "return 1.0005 * low[0], high[0]",
         CONTRADICTION,
     ),
     Mutation(
@@ -1134,7 +1135,21 @@ OF_RANGES = (
         DELTA,
         "return self.factor * self.bound.range(position, velocity)",
         "return self.bound.range(position, velocity)",
-        ("tests/test_identify.py::test_data_that_contradict_the_bound_are_refused",),
+        SCALED,
+    ),
+    Mutation(
+        "a multiple of a multiple of δ with one of its factors",
+        DELTA,
+        "return ScaledBound(self.bound, factor * self.factor)",
+        "return ScaledBound(self.bound, factor)",
+        SCALED,
+    ),
+    Mutation(
+        "a multiple of a step of δ with its fast level unchanged",
+        DELTA,
+        "return SpeedBand(factor * self.slow, factor * self.fast, self.threshold, self.blend)",
+        "return SpeedBand(factor * self.slow, self.fast, self.threshold, self.blend)",
+        SCALED,
     ),
     Mutation(
         "the reach of a cautious δ halved",

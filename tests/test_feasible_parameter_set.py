@@ -123,6 +123,10 @@ def test_data_that_contradict_delta_are_found_out(key):
     enough = times(wrong, 1.0001 * solution.fun)
     feasible_set(exact_rows(SYSTEM, enough))
     assert smallest_factor(lambda s: exact_rows(SYSTEM, times(enough, s))) <= 1.0
+    # the search begins at 1; a factor far below it is found as well
+    plenty = times(wrong, 3.0 * solution.fun)
+    found = smallest_factor(lambda s: exact_rows(SYSTEM, times(plenty, s)))
+    assert 1 / 1.0011 <= 3 * found <= 1 + 1e-7
     broken = eqx.tree_at(lambda r: r.input, record, record.input.at[3].add(1e6))
     assert smallest_factor(lambda s: exact_rows(SYSTEM, times(broken, s))) == MOST
 

@@ -10,7 +10,7 @@ from experiments.axes import one_link_arm as arm
 from jaxid.design.criteria import LeastSquaresError
 from jaxid.design.optimal_motion import optimal_motion
 from jaxid.model.disturbance_bound import ConstantBound, NearbyVelocityBound, ScaledBound, SpeedBand
-from jaxid.model.interval_arithmetic import exactly
+from jaxid.model.interval_arithmetic import Range, exactly
 from jaxid.model.regressors import Constant, Viscous
 from jaxid.model.system import System, Term, smoothed
 from jaxid.motion.acceleration_limit import acceleration_limit
@@ -84,6 +84,24 @@ def test_a_bad_box_is_refused(interval, sentence):
 
 NAN, INF = float("nan"), float("inf")
 STEP = SpeedBand(0.25, 0.15, 0.1)
+
+
+@pytest.mark.parametrize(
+    "bound",
+    [ConstantBound(0.2), STEP, SpeedBand(0.25, 0.15, 0.1, 0.03), NearbyVelocityBound(STEP, 0.01)],
+)
+@pytest.mark.parametrize("factor", [1e-3, 1.0, 7.0])
+def test_a_scaled_delta_is_that_multiple_everywhere(bound, factor):
+    """Values and ranges are multiplied, also those of a multiple of a multiple."""
+    y, v = jnp.linspace(0.0, 1.0, 41), jnp.linspace(-0.3, 0.3, 41)
+    ranges = Range(y - 0.1, y), Range(v - 0.02, v + 0.01)
+    for found, by in (
+        (bound.scaled(factor), factor),
+        (bound.scaled(2.0).scaled(factor), 2 * factor),
+    ):
+        np.testing.assert_allclose(found(y, v), by * bound(y, v), rtol=1e-14)
+        for end, own in zip(found.range(*ranges), bound.range(*ranges), strict=True):
+            np.testing.assert_allclose(end, by * own, rtol=1e-14)
 
 
 @pytest.mark.parametrize("level", [0.0, -0.1, INF, NAN])
