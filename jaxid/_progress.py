@@ -7,7 +7,7 @@ Report = Callable[[str, float], None]
 
 
 def silent(message: str, share: float) -> None:
-    """Report nothing: the default."""
+    """Ignore the progress of a computation, as its default does."""
 
 
 def within(report: Report, first: float, last: float, label: str = "") -> Report:

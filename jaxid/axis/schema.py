@@ -185,7 +185,7 @@ class PD(Law, tag="pd"):
 
 
 class ARC(Law, tag="arc"):
-    """Adaptive robust control."""
+    """The gains of adaptive robust control, as a table [controller]."""
 
     k1: float
     k2: float

@@ -132,7 +132,7 @@ class LeastDeviations:
 
     @no_type_check
     def columns(self, y: Vector) -> Float[np.ndarray, " knots"]:
-        """Return Aᵀy."""
+        """Return Aᵀy, the sum of the rows of A times the entries of y."""
         count, kinks = self.moments.shape[1], self.spread.shape[0]
         own, spread, moments = np.split(y, [count, count + kinks])
         return own + self._transposed @ spread + _product(self._columns, moments)
