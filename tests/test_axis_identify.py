@@ -111,13 +111,20 @@ def test_a_log_with_gaps_in_its_own_units_is_identified(tmp_path, log, capsys):
     assert "already exist" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("step", "done", "said"),
+    [
+        ("batch 2 of 4", 1, "Interrupted after 1 of 4 batches"),
+        ("all batches together", 4, "after all 4 batches, before they were processed together"),
+    ],
+)
 def test_an_interruption_leaves_the_intervals_of_the_rows_before(
-    tmp_path, log, capsys, monkeypatch
+    tmp_path, log, capsys, monkeypatch, step, done, said
 ):
     @contextmanager
     def interrupted():
         def report(message, share):
-            if message.startswith("batch 2 of 4"):
+            if message.startswith(step):
                 raise KeyboardInterrupt
 
         yield report
@@ -127,11 +134,12 @@ def test_an_interruption_leaves_the_intervals_of_the_rows_before(
     with pytest.raises(SystemExit) as stopped:
         cli.main(["identify", *written(tmp_path, rows_of(log))])
     assert stopped.value.code == 130
-    assert "Interrupted after 1 of 4 batches" in capsys.readouterr().out
+    assert said in capsys.readouterr().out
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     assert found["interrupted"]
-    assert (found["batches"], len(found["segments"])) == (1, 1)
-    assert found["rows_used"] == found["segments"][0]["last_row"] < 800
+    assert (found["batches"], len(found["segments"])) == (done, done)
+    assert found["rows_used"] == found["segments"][-1]["last_row"]
+    assert (found["rows_used"] == found["rows"]) == (done == 4)
     for truth, one in zip(TRUTH, found["parameters"].values(), strict=True):
         assert one["guaranteed"][0] <= truth <= one["guaranteed"][1]
 

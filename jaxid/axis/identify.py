@@ -252,20 +252,31 @@ def text(found: Identified) -> str:
 
 
 def _of_result(found: Identified, result: Identification) -> list[str]:
-    long = f"Long log: processed in {result.batches} batches, then in all of them together."
-    if found.interruption is not None:
-        long = (
-            f"Interrupted after {result.batches} of {found.interruption.batches} batches: these "
-            "intervals are those of the rows above. All other rows were not tested."
-        )
     return [
-        *((long,) if result.batches > 1 or found.interruption else ()),
+        *_batches(result, found.interruption),
         _intervals(found.axis.system, result),
         *([_NEAR_DELTA] if result.disturbance_factor > _NEAR else []),
         *(
             _not_identifiable(found.axis.system, name, combination)
             for name, combination in result.unidentifiable.items()
         ),
+    ]
+
+
+def _batches(result: Identification, interruption: InterruptedIdentification | None) -> list[str]:
+    """Return a sentence about the batches of a long log, if there are several."""
+    done = result.batches
+    if interruption is None:
+        together = f"Long log: processed in {done} batches, then in all of them together."
+        return [together] if done > 1 else []
+    if done < interruption.batches:
+        return [
+            f"Interrupted after {done} of {interruption.batches} batches: these intervals are "
+            "those of the rows above. All other rows were not tested."
+        ]
+    return [
+        f"Interrupted after all {done} batches, before they were processed together: the intervals "
+        "hold, but may be wider than those of the whole command."
     ]
 
 
